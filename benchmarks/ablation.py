@@ -25,8 +25,8 @@ from typing import Any
 from benchmarks.hidden.generator import draw, write
 from benchmarks.hidden.score import NAMED, judge
 from signlin_ros.diagnosis import diagnose, load_records
-from signlin_ros.diagnosis.criteria import DEFAULT, Criteria
-from signlin_ros.diagnosis.motion import CancelledError
+from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA, Criteria
+from signlin_ros.diagnosis.output_error import CancelledError
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 
@@ -94,7 +94,7 @@ class Case:
 
 def without(name: str) -> Criteria:
     """Return the criteria with one switched off."""
-    return replace(DEFAULT, **{name: OFF[name]}) if name else DEFAULT
+    return replace(DEFAULT_CRITERIA, **{name: OFF[name]}) if name else DEFAULT_CRITERIA
 
 
 def run(case: Case) -> dict[str, Any]:

@@ -17,7 +17,7 @@ import time
 import numpy as np
 import pinocchio as pin
 
-from signlin_ros.arms.data import Run
+from signlin_ros.arms.data import ArmRun
 from signlin_ros.arms.told import diagnosed_json
 from signlin_ros.arms.verbs import diagnose
 from signlin_ros.model import Model
@@ -155,7 +155,7 @@ class Truth:
         if self.hidden[0] == "gain":
             u[:, self.hidden[1]] *= self.hidden[2]
         shown = theta + 2e-5 * rng.normal(size=u.shape), w + 2e-3 * rng.normal(size=u.shape), u
-        return Run(t[::INNER], *shown, "simulated", np.zeros(u.shape[1]))
+        return ArmRun(t[::INNER], *shown, "simulated", np.zeros(u.shape[1]))
 
 
 def model_of(urdf, robot, hidden):

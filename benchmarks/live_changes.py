@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.model import Model
 from signlin_ros.nodes.linearizer_logic import NANO
-from signlin_ros.nodes.monitor_logic import MonitorLogic, Settings
+from signlin_ros.nodes.monitor_logic import MonitorLogic, MonitorSettings
 from signlin_ros.simulation import Stepper
 
 Array = NDArray[np.float64]
@@ -162,7 +162,7 @@ class Outcome:
 def run(seed: int, change: str, length: float, naming: bool = True) -> Outcome:
     """Run one machine under the monitor's logic; ``change`` "" for none."""
     begun = time.perf_counter()
-    rig, logic = Machine(np.random.default_rng(seed)), MonitorLogic(Settings(keep=length + 1, learn=LEARN), 0)
+    rig, logic = Machine(np.random.default_rng(seed)), MonitorLogic(MonitorSettings(keep=length + 1, learn=LEARN), 0)
     logic.configure(NOMINAL, 0)
     onset = _moving_from(rig.reference, AT) if change else np.inf
     alarm, changed = None, False

@@ -22,7 +22,7 @@ import numpy as np
 from measure import Report
 from ros_latency import BARE, MOST_SHARE, NANO, PERIOD, RATE, Tap, cpu, environment, pause
 
-from signlin_ros.demo.live import NAMESPACE, Processes
+from signlin_ros.demo.live import LIVE_NAMESPACE, LiveProcesses
 from signlin_ros.model import Model
 from signlin_ros.warming import warm_up
 
@@ -32,7 +32,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Float64MultiArray
 rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-node = rclpy.create_node("bare_timer", namespace="{NAMESPACE}")
+node = rclpy.create_node("bare_timer", namespace="{LIVE_NAMESPACE}")
 publisher = node.create_publisher(Float64MultiArray, "bare_timer", 50)
 steady = Clock(clock_type=ClockType.STEADY_TIME)
 node.create_timer({PERIOD}, lambda: publisher.publish(Float64MultiArray()), clock=steady)
@@ -60,7 +60,7 @@ def main() -> None:
         os.environ.update(environment(domain) | {"OPENBLAS_NUM_THREADS": "1"})
         warm_up(model)
         model.save(Path(folder) / "model.yaml")
-        nodes = Processes(Path(folder))
+        nodes = LiveProcesses(Path(folder))
         others = [subprocess.Popen([sys.executable, "-c", code]) for code in (TIMER, _in_namespace(BARE))]
         try:
             for name, *options in (
@@ -79,17 +79,17 @@ def main() -> None:
 
 
 def _in_namespace(code: str) -> str:
-    return code.replace('create_node("bare")', f'create_node("bare", namespace="{NAMESPACE}")')
+    return code.replace('create_node("bare")', f'create_node("bare", namespace="{LIVE_NAMESPACE}")')
 
 
-def watch(nodes: Processes, others: dict[str, Any], seconds: float) -> tuple[Any, ...]:
+def watch(nodes: LiveProcesses, others: dict[str, Any], seconds: float) -> tuple[Any, ...]:
     """Drive the controller and listen; return shares of a core, memory in MiB early and late, and times of updates."""
     import rclpy
     from rclpy.signals import SignalHandlerOptions
     from std_msgs.msg import Float64MultiArray
 
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-    node = rclpy.create_node("bench", namespace=NAMESPACE)
+    node = rclpy.create_node("bench", namespace=LIVE_NAMESPACE)
     try:
         models, ticks = Tap(node, "linearizer/model"), Tap(node, "bare_timer")
         publisher = node.create_publisher(Float64MultiArray, "reference", 10)

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from signlin_ros.demo.live import NAMESPACE, Processes
+from signlin_ros.demo.live import LIVE_NAMESPACE, LiveProcesses
 from signlin_ros.model import Model
 
 NANO = 1_000_000_000
@@ -38,7 +38,7 @@ def watched(
     with tempfile.TemporaryDirectory(prefix="signlin_changes_") as work:
         folder = Path(work)
         model.save(folder / "model.yaml")
-        processes = Processes(folder)
+        processes = LiveProcesses(folder)
         peer = None
         try:
             joint = "state_source:=joint_state"
@@ -67,12 +67,16 @@ class Peer:
         self.context = Context()
         rclpy.init(context=self.context, args=[], signal_handler_options=SignalHandlerOptions.NO)
         self.executor = SingleThreadedExecutor(context=self.context)
-        self.node = rclpy.create_node("machine", namespace=NAMESPACE, context=self.context, use_global_arguments=False)
+        self.node = rclpy.create_node(
+            "machine", namespace=LIVE_NAMESPACE, context=self.context, use_global_arguments=False
+        )
         self.executor.add_node(self.node)
         self.node.create_subscription(String, "monitor/verdict", self._on_verdict, 10)
         self._joint = self.node.create_publisher(JointState, "joint_states", 50)
         self._input = self.node.create_publisher(Float64MultiArray, "input", 50)
-        self._aside = rclpy.create_node("aside", namespace=NAMESPACE, context=self.context, use_global_arguments=False)
+        self._aside = rclpy.create_node(
+            "aside", namespace=LIVE_NAMESPACE, context=self.context, use_global_arguments=False
+        )
         self._own = self._aside.create_subscription(Float64MultiArray, "input", lambda message: None, 50)
         self._held: float | None = None
         self._shown, self._u = JointState(name=["joint"], position=[0.0]), Float64MultiArray(data=[0.0])

@@ -163,8 +163,8 @@ def latencies(states: list[Any], models: list[Any]) -> np.ndarray:
 
 
 def show(report: Report, shares: dict[str, float], states: list[Any], models: list[Any]) -> None:
-    heard = (len(states) - 1) / ((states[-1][0] - states[0][0]) / NANO)
-    report.line("states heard", f"{len(states)}, {heard:.1f} Hz")
+    from_equation_error = (len(states) - 1) / ((states[-1][0] - states[0][0]) / NANO)
+    report.line("states heard", f"{len(states)}, {from_equation_error:.1f} Hz")
     found = latencies(states, models) * 1e3
     for q in (50, 99, 100):
         report.figures[f"state to model p{q} [ms]"] = float(np.percentile(found, q))

@@ -16,7 +16,7 @@ from signlin_ros.errors import InputError
 
 if TYPE_CHECKING:
     from signlin_ros.checks.finding import Finding
-    from signlin_ros.control.law import Law
+    from signlin_ros.control.law import ControlLaw
     from signlin_ros.diagnosis.comparison import Comparison
     from signlin_ros.diagnosis.results import Diagnosis
     from signlin_ros.model import Model
@@ -137,10 +137,10 @@ def check(
     ModelError, RecordError
         The model or a record cannot be read.
     """
-    from signlin_ros.checks.run import NONE
+    from signlin_ros.checks.run import NO_CURE
     from signlin_ros.checks.run import check as run
 
-    loaded, first, _, _ = _records(_model(model), data, None, signals, [NONE])
+    loaded, first, _, _ = _records(_model(model), data, None, signals, [NO_CURE])
     return run(loaded, first, cures)[1]
 
 
@@ -397,7 +397,7 @@ def controller(
     period: float = 0.02,
     delay: float | None = None,
     design: str = "along_reference",
-) -> Law:
+) -> ControlLaw:
     """Return the feedback law of a design, as the node `controller` runs it.
 
     Parameters

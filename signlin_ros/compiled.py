@@ -18,7 +18,7 @@ from signlin_ros.recording.smooth import SmoothForm, smooth_form
 from signlin_ros.recording.trace import Structure, Trace, trace
 from signlin_ros.sign import valid_expression
 
-TINY = 1e-290
+MIN_COORDINATE = 1e-290
 """Coordinates below this are 0 to the linearization: their products leave the range of normal numbers."""
 
 
@@ -75,7 +75,7 @@ def _absorb(rest: ca.SX, x: ca.SX, weights: ca.SX, members: frozenset[int], meth
     """Put f~ - J x into A over the weighted coordinates: rest x^T W / (x^T W x); what cannot go there stays in c.
 
     Lengths are divided by the largest coordinate first, so that nothing under- or overflows near x = 0. Numbers
-    below `TINY`, which lose digits, count as 0.
+    below `MIN_COORDINATE`, which lose digits, count as 0.
     """
     coefficients = ca.SX.zeros(1, x.numel())
     if method == "jacobian" or not members:
@@ -83,7 +83,7 @@ def _absorb(rest: ca.SX, x: ca.SX, weights: ca.SX, members: frozenset[int], meth
     largest = ca.SX(0)
     for i in members:
         largest = ca.fmax(largest, ca.if_else(weights[i] > 0, ca.fabs(x[i]), 0))
-    usable = largest > TINY
+    usable = largest > MIN_COORDINATE
     size = ca.if_else(usable, largest, 1)
     ratio = {i: ca.if_else(weights[i] > 0, x[i], 0) / size for i in members}
     square = sum((weights[i] * ratio[i] ** 2 for i in members), ca.SX(0))

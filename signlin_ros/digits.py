@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-MOST = 7
+MAX_DIGITS = 7
 """Digits of a value after its first: beyond, an error says more of the arithmetic than of the value."""
-PLAIN = range(-4, 6)
+PLAIN_POWERS = range(-4, 6)
 """Powers of ten of the larger of the two that are written without an exponent."""
 
 
@@ -17,7 +17,7 @@ def with_error(value: float, std: float | None) -> tuple[str, str]:
     if std is None or not 0.0 < std < math.inf or not math.isfinite(value):
         return f"{value:.5g}", ""
     first, last = _power(max(abs(value), std)), _power(std, 1) - 1
-    power, least = 0 if first in PLAIN else first, max(last, first - MOST)
+    power, least = 0 if first in PLAIN_POWERS else first, max(last, first - MAX_DIGITS)
     shown, error = (_to_place(x, least, power) for x in (value, std))
     return shown, error if least == last else f"{std:.1e}"
 

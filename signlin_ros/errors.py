@@ -48,11 +48,11 @@ class MissingExtraError(SignlinError, ImportError):
         super().__init__(f'{what} needs an optional dependency: pip install "signlin_ros[{extra}]"')
 
 
-LONGEST = 1000
+MAX_MESSAGE_LENGTH = 1000
 """Characters of a message that is shown to somebody."""
 
 
-def one_line(error: object, most: int = LONGEST) -> str:
+def one_line(error: object, most: int = MAX_MESSAGE_LENGTH) -> str:
     """Return a message as one line; of one that is too long, its beginning and its end."""
     text = " ".join(str(error).split())
     return text if len(text) <= most else f"{text[: most * 2 // 3]} ... {text[-most // 4 :]}"

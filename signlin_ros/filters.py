@@ -1,4 +1,4 @@
-"""The low-pass of the force witness, slopes, and the noise of a sensor that goes through them."""
+"""The low-pass of the equation-error estimate, slopes, and the noise of a sensor that goes through them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from signlin_ros.noise import quantum_of
 
 Array = NDArray[np.float64]
 
-ORDER = 4
+BUTTERWORTH_ORDER = 4
 """Order of the Butterworth low-pass."""
 THREE = 3
 """Samples that are taken together to see coloured noise."""
@@ -23,7 +23,7 @@ DIFFERENCES = 16
 """Fourth differences from which a noise is told."""
 ROUNDED = 1e-12
 """Part of a value that arithmetic makes of what stands still, and no sensor does."""
-OUTLYING, SMOOTH = 5.0, 0.25
+OUTLYING, SMOOTH_RATIO = 5.0, 0.25
 """Times the median of a jump; part of coarse differences below which fine ones tell of a smooth signal."""
 
 
@@ -57,7 +57,7 @@ def _pass(sections: Array, state: Array, values: Array, back: bool) -> None:
 @functools.lru_cache(maxsize=64)
 def _sections(cutoff: float, step: float) -> tuple[Array, Array]:
     """Return the low-pass, and the state (sections, 2) in which it rests at 1."""
-    sections = np.asarray(butter(ORDER, cutoff, fs=1 / step, output="sos"))
+    sections = np.asarray(butter(BUTTERWORTH_ORDER, cutoff, fs=1 / step, output="sos"))
     return sections, np.asarray(sosfilt_zi(sections))
 
 
@@ -75,7 +75,7 @@ def sensor_noise(values: Array) -> float:
     """
     means = values[: values.size // THREE * THREE].reshape(-1, THREE).mean(axis=1)
     fine, coarse = _fourth(values), np.sqrt(THREE) * _fourth(means)
-    level = max(fine, coarse) if fine > SMOOTH * coarse else fine
+    level = max(fine, coarse) if fine > SMOOTH_RATIO * coarse else fine
     return float(max(level, quantum_of(values) / np.sqrt(12)))
 
 

@@ -23,28 +23,28 @@ REGULAR = 0.9
 """Share of the runs of equal values, rests aside, that are of two neighbouring lengths."""
 LONGER = 1.4
 """Least mean length of those."""
-REST = 1.5
+MIN_REST_RUN = 1.5
 """Runs beyond so many times that length are rests: what does not change is measured again with the same result."""
 CHANCE = 1e-4
 """The largest chance of runs so alike where every sample is as likely to change as any other."""
-SAME = 0.01
+MAX_CHANGE_DIFFERENCE = 0.01
 """Changes that are alike to this part of them, in nine of ten runs, are the steps of a sensor at a steady speed."""
-CLEAR = 3.0
+MIN_CHANGE_OVER_NOISE = 3.0
 """Changes that differ by less than so many times the noise on what is held are alike."""
-STEPS = 4.0
+MIN_SLOW_SENSOR_STEPS = 4.0
 """Values of a slow sensor change by more than so many of their own steps (median)."""
-HOLDS = 20
+MIN_HOLDS = 20
 """Fewer changes make no rhythm."""
-SHORTEST = 5
+MIN_HOLD_SAMPLES = 5
 """Shortest hold, in samples, whose rhythm is not that of an oscillation: of one of ten samples the two largest of
 every five squared differences are three quarters."""
-SHARE = 0.9
+MIN_RHYTHM_SHARE = 0.9
 """Share of the squared differences that two samples in each hold have."""
 STAYS = 1.0 / 3.0
 """A held value moves by less than this part of what it changes by from hold to hold (RMS)."""
 FINER = 8
 """The rhythm is sought in so many times finer steps than a record resolves."""
-BLOCK = 20_000
+RHYTHM_SAMPLES = 20_000
 """So many samples tell a rhythm."""
 
 
@@ -68,7 +68,7 @@ class Held:
         """Return whether values (T,) change where these do: an input that is held makes what it drives jump."""
         energy = np.diff(values) ** 2
         at = np.unique(np.clip(self.begins[1:, None] - np.arange(1, 4), 0, energy.size - 1))
-        return bool(energy.any() and energy[at].sum() >= SHARE * energy.sum())
+        return bool(energy.any() and energy[at].sum() >= MIN_RHYTHM_SHARE * energy.sum())
 
 
 def held(values: Array) -> Held | None:
@@ -84,8 +84,15 @@ def held(values: Array) -> Held | None:
     if not changes.size:
         return None
     usual = float(np.median(changes))
-    steady = np.mean(np.abs(changes - usual) < max(SAME * usual, CLEAR * found.noise)) > REGULAR
-    return None if steady or usual < STEPS * quantum_of(values[np.isfinite(values)][:BLOCK]) else found
+    steady = (
+        np.mean(np.abs(changes - usual) < max(MAX_CHANGE_DIFFERENCE * usual, MIN_CHANGE_OVER_NOISE * found.noise))
+        > REGULAR
+    )
+    return (
+        None
+        if steady or usual < MIN_SLOW_SENSOR_STEPS * quantum_of(values[np.isfinite(values)][:RHYTHM_SAMPLES])
+        else found
+    )
 
 
 def _equal(values: Array) -> Held | None:
@@ -101,7 +108,7 @@ def _equal(values: Array) -> Held | None:
     short = int(np.argmax(counts[1:] + counts[:-1]))
     alike = lengths[(lengths == short) | (lengths == short + 1)]
     length = float(alike.mean()) if alike.size else 0.0
-    moving = lengths[lengths <= REST * length]
+    moving = lengths[lengths <= MIN_REST_RUN * length]
     if length < LONGER or alike.size < REGULAR * moving.size or _chance(lengths, alike.size, short) > CHANCE:
         return None
     return Held(_with_rests(np.concatenate([[0], begins]), length), length)
@@ -133,14 +140,14 @@ def _with_rests(begins: Index, length: float) -> Index:
 def _rhythmic(values: Array) -> Held | None:
     """Return where held values (T,) that have noise on them are new: after the two samples in which they change."""
     energy = np.diff(values) ** 2
-    if energy.size < SHORTEST * HOLDS or not np.isfinite(energy).all() or not energy.any():
+    if energy.size < MIN_HOLD_SAMPLES * MIN_HOLDS or not np.isfinite(energy).all() or not energy.any():
         return None
-    if energy.sum() ** 2 < HOLDS * np.sum(energy**2):  # a jump or two make no rhythm
+    if energy.sum() ** 2 < MIN_HOLDS * np.sum(energy**2):  # a jump or two make no rhythm
         return None
     length, first = _rhythm(energy)
     centres = np.arange(first % length, energy.size - 2, length)
     changes = np.floor(centres).astype(np.intp)
-    if energy[changes].sum() + energy[changes + 1].sum() < SHARE * energy.sum():
+    if energy[changes].sum() + energy[changes + 1].sum() < MIN_RHYTHM_SHARE * energy.sum():
         return None
     begins, ends = changes[:-1] + 2, changes[1:]
     levels = np.array([values[b : e + 1].mean() for b, e in zip(begins, ends, strict=True)])
@@ -155,7 +162,7 @@ def _rhythm(energy: Array) -> tuple[float, float]:
     samples = np.arange(energy.size)
     size = FINER * energy.size
     spectrum = np.abs(np.fft.rfft(energy, size))
-    lowest, highest = int(np.ceil(FINER * HOLDS)), size // SHORTEST
+    lowest, highest = int(np.ceil(FINER * MIN_HOLDS)), size // MIN_HOLD_SAMPLES
     best = lowest + int(np.argmax(spectrum[lowest : highest + 1]))
     length = size / best
     turn = np.angle(np.sum(energy * np.exp(2j * np.pi * samples / length)))

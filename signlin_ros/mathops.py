@@ -32,7 +32,7 @@ class Smooth:
     sympy: Callable[[ModuleType], Word]
 
 
-SMOOTH = {
+SMOOTH_FUNCTIONS = {
     "exp": Smooth(np.exp, ca.exp, lambda s: s.exp),
     "log1p": Smooth(np.log1p, ca.log1p, lambda s: lambda x: s.log(1 + x)),
     "sin": Smooth(np.sin, ca.sin, lambda s: s.sin),
@@ -45,7 +45,9 @@ SMOOTH = {
 
 
 class Math:
-    """What every vocabulary shares: derived words, written once. Those of `SMOOTH` are set on each instance."""
+    """What every vocabulary shares: derived words, written once. Those of `SMOOTH_FUNCTIONS` are set on each
+    instance.
+    """
 
     def sign(self, g: Any) -> Any:
         """The set-valued sign of g."""
@@ -115,7 +117,7 @@ class Math:
         raise NotImplementedError
 
 
-WORDS = tuple(sorted(name for name in {*SMOOTH, *vars(Math)} if not name.startswith("_")))
+VOCABULARY = tuple(sorted(name for name in {*SMOOTH_FUNCTIONS, *vars(Math)} if not name.startswith("_")))
 """What a vocabulary offers."""
 
 
@@ -125,7 +127,7 @@ class NumpyMath(Math):
     sign, abs = map(staticmethod, (np.sign, np.abs))  # type: ignore[assignment]
 
     def __init__(self) -> None:
-        vars(self).update({name: word.numpy for name, word in SMOOTH.items()})
+        vars(self).update({name: word.numpy for name, word in SMOOTH_FUNCTIONS.items()})
 
     def positive(self, g: Any) -> Any:
         return np.maximum(g, 0.0)
@@ -176,7 +178,7 @@ class Recorder(Math):
     surfaces: list[Surface] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        vars(self).update({name: word.casadi for name, word in SMOOTH.items()})
+        vars(self).update({name: word.casadi for name, word in SMOOTH_FUNCTIONS.items()})
 
     def _note(self, g: Any, kind: str) -> ca.SX:
         """Return the symbol that stands for sign(g): a known one for a known g or -g, else a fresh one."""
@@ -238,7 +240,7 @@ class SympyMath(Math):
         import sympy
 
         self._sympy = sympy
-        vars(self).update({name: word.sympy(sympy) for name, word in SMOOTH.items()})
+        vars(self).update({name: word.sympy(sympy) for name, word in SMOOTH_FUNCTIONS.items()})
 
     def sign(self, g: Any) -> Any:
         return self._sympy.sign(g)

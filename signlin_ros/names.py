@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-TIME = ("t", "time", "timestamp", "stamp")
+TIME_NAMES = ("t", "time", "timestamp", "stamp")
 """What the time column of a record may be called, in the order in which it is looked for."""
 
-AS_GIVEN, REFITTED, SENSORS, FORCE = "model as given", "refitted", "noise of the sensors", "missing force"
+AS_GIVEN, REFITTED_ROW, SENSOR_NOISE_ROW, MISSING_FORCE_ROW = (
+    "model as given",
+    "refitted",
+    "noise of the sensors",
+    "missing force",
+)
 """The first rows by which models are told apart, the same in every verb, and the last; and what stands in every group
 beside the channels."""
 
-__all__ = ["AS_GIVEN", "FORCE", "REFITTED", "SENSORS", "TIME"]
+__all__ = ["AS_GIVEN", "MISSING_FORCE_ROW", "REFITTED_ROW", "SENSOR_NOISE_ROW", "TIME_NAMES"]

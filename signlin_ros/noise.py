@@ -22,22 +22,22 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-CLIP = 4.0
+MAX_NOISE_DEVIATIONS = 4.0
 """Differences beyond this many standard deviations belong to the signal (a step), not to the noise."""
-LAGS = 8
+NOISE_COLOUR_LAGS = 8
 """How many lags of a residual are looked at for the colour of the noise."""
 LEAST_CORRELATION = 0.3
 """A smaller correlation is not told from the imprint of a model that is slightly wrong: the noise counts as white."""
 GOOD_FIT = 0.1
 """Largest sum of squared relative errors of the lags at which the picture of an AR(1) is believed."""
-COARSE = 10
+COARSE_DIFFERENCES = 10
 ROUNDING = 1e-15
 _RHO = np.arange(0.0, 0.985, 0.01)
-LOOKED = 100_000
+MAX_NOISE_SAMPLES_LOOKED = 100_000
 """Samples of a stretch that its noise is taken from, at most."""
-STILL = 1e-9
+STANDSTILL_SHARE = 1e-9
 """Part of its largest value within which a channel stands still."""
-LEAST = 1e-6
+MIN_NOISE_SHARE = 1e-6
 """Least noise of a channel, as a part of what it does."""
 
 
@@ -95,7 +95,10 @@ def sensor_noise(parts: Sequence[tuple[Array, Array]]) -> Array:
     without a gap. Of the sensors alone, no model in it. Jumps of what is measured are left out.
     """
     weights, white = [t.size for t, _ in parts], white_noise([y for _, y in parts])
-    levels = [[noise_level(t[:LOOKED], column[:LOOKED]).sigma for column in y.T] for t, y in parts]
+    levels = [
+        [noise_level(t[:MAX_NOISE_SAMPLES_LOOKED], column[:MAX_NOISE_SAMPLES_LOOKED]).sigma for column in y.T]
+        for t, y in parts
+    ]
     found = np.sqrt(np.average(np.square(levels), axis=0, weights=weights))
     return np.asarray(np.where(found > 0.0, np.minimum(white, found), white))
 
@@ -109,7 +112,7 @@ def white_noise(parts: Sequence[Array]) -> Array:
     noise = np.array([fourth_difference_noise(*pieces) for pieces in zip(*(y.T for y in parts), strict=True)])
     own, value = np.nanstd(everything, axis=0), np.nanmax(np.abs(everything), axis=0)
     least = np.where(moving(everything), own, np.where(value > 0, value, 1.0))
-    return np.asarray(np.maximum(noise, LEAST * least))
+    return np.asarray(np.maximum(noise, MIN_NOISE_SHARE * least))
 
 
 def fourth_difference_noise(*pieces: Array) -> float:
@@ -128,13 +131,13 @@ def derivative_noise(level: float, order: int, cutoff: float, step: float) -> fl
 
 def moving(values: Array) -> NDArray[np.bool_]:
     """Return which columns of values (T, ny) ever move."""
-    return np.asarray(np.nanstd(values, axis=0) > STILL * np.nanmax(np.abs(values), axis=0))
+    return np.asarray(np.nanstd(values, axis=0) > STANDSTILL_SHARE * np.nanmax(np.abs(values), axis=0))
 
 
 def quantum_of(y: Array) -> float:
     """Return the step of values (T,) that come in whole multiples of one; 0 where they do not.
 
-    Digits of a printed number are no encoder: most neighbouring values must lie within `COARSE` steps.
+    Digits of a printed number are no encoder: most neighbouring values must lie within `COARSE_DIFFERENCES` steps.
     """
     steps = np.diff(np.unique(y))
     steps = steps[steps > 1e-9 * np.ptp(y)]
@@ -142,7 +145,7 @@ def quantum_of(y: Array) -> float:
         return float(steps[0]) if steps.size else 0.0
     quantum = float(np.median(steps[steps < 1.5 * steps.min()]))
     multiples = steps / quantum
-    close = multiples < COARSE
+    close = multiples < COARSE_DIFFERENCES
     whole = np.abs(multiples - np.round(multiples)) < 0.1
     return quantum if close.mean() > 0.9 and whole[close].mean() > 0.98 else 0.0
 
@@ -153,9 +156,9 @@ def fourth_difference_share(rho: Array) -> Array:
 
 
 def _clipped(values: Array) -> float:
-    """Return the mean square of values without those beyond `CLIP` robust standard deviations."""
+    """Return the mean square of values without those beyond `MAX_NOISE_DEVIATIONS` robust standard deviations."""
     size = np.abs(values)
-    limit = CLIP * float(np.median(size)) / 0.6745
+    limit = MAX_NOISE_DEVIATIONS * float(np.median(size)) / 0.6745
     kept = values[size <= limit] if limit > 0 else values
     return float(np.mean(kept**2))
 
@@ -192,8 +195,8 @@ def _correlation(residual: Array, variance: float) -> float | None:
 
     What a wrong model adds is smooth: it grows with the square of the lag.
     """
-    k = np.arange(1, LAGS + 1)
-    if residual.size < 10 * LAGS or variance <= 0:
+    k = np.arange(1, NOISE_COLOUR_LAGS + 1)
+    if residual.size < 10 * NOISE_COLOUR_LAGS or variance <= 0:
         return None
     apart = np.array([_clipped(residual[i:] - residual[:-i]) / 2 for i in k])
     if not apart.all():

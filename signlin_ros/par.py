@@ -15,7 +15,7 @@ _DECLARED: dict[type, Pars] = {}
 """What was looked up of each class that has parameters."""
 _ELEMENT = re.compile(r"(.+)\[(\d+)\]")
 """An element of a list: ``A[0]``."""
-POWERS = "²³⁴⁵⁶⁷⁸⁹"
+POWER_DIGITS = "²³⁴⁵⁶⁷⁸⁹"
 """What a unit is raised to, from 2 on."""
 
 

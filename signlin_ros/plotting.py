@@ -12,7 +12,7 @@ from typing import Any
 
 from signlin_ros.errors import InputError, MissingExtraError
 
-EXACT, START, MIDPOINT, BARE, JACOBIAN = "#000000", "#D55E00", "#0072B2", "#009E73", "#CC79A7"
+EXACT_COLOUR, START_COLOUR, MIDPOINT, BARE, JACOBIAN = "#000000", "#D55E00", "#0072B2", "#009E73", "#CC79A7"
 """The plant itself; the models built at the start and at the midpoint; without dry friction; the affine Jacobian."""
 SEQUENCE = ("#56B4E9", "#E69F00", "#009E73", "#0072B2")
 """For curves that only count, e.g. several orders j."""
@@ -90,7 +90,7 @@ def trajectory_figure(trajectory: Any) -> Any:
         rows = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
         for axes, name in zip(rows, names, strict=True):
             steps = "steps-post" if name in trajectory.inputs else "default"
-            axes.plot(trajectory.t, trajectory[name], color=EXACT, drawstyle=steps)
+            axes.plot(trajectory.t, trajectory[name], color=EXACT_COLOUR, drawstyle=steps)
             axes.set_ylabel(name)
         rows[-1].set_xlabel("t [s]")
     return figure

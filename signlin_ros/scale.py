@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from signlin_ros.par import POWERS
+from signlin_ros.par import POWER_DIGITS
 
 
 @dataclass(frozen=True)
@@ -45,9 +45,9 @@ class Scale:
         powers = {"F": 0, "Q": 0, "s": 0}
         for part, sign in zip(unit.split("/"), (1, -1), strict=False):
             for token in part.split("·"):
-                base = token.rstrip(POWERS)
+                base = token.rstrip(POWER_DIGITS)
                 if base in powers:
-                    powers[base] += sign * (1 if token == base else 2 + POWERS.index(token[-1]))
+                    powers[base] += sign * (1 if token == base else 2 + POWER_DIGITS.index(token[-1]))
         lengths, times = powers["Q"], abs(powers["s"])
         way = 1 if lengths > 0 else -1
         if times > abs(lengths):

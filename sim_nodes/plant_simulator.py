@@ -16,9 +16,9 @@ from signlin_ros.nodes import convert
 from signlin_ros.nodes.gather import Gathering
 from signlin_ros.nodes.joint import joint_values
 from signlin_ros.nodes.linearizer_logic import NANO, Refusal
-from signlin_ros.nodes.overrides import Entry
+from signlin_ros.nodes.overrides import Overridable
 from signlin_ros.nodes.parameters import ModelNode
-from signlin_ros.nodes.qos import RELIABLE, SENSORS
+from signlin_ros.nodes.qos import RELIABLE, SENSOR_QOS
 from signlin_ros.nodes.runner import run
 from signlin_ros.simulation import Stepper
 from sim_nodes.measuring import Measuring
@@ -27,17 +27,17 @@ from sim_nodes.signals import INPUT_SIGNALS, input_signal
 Array = NDArray[np.float64]
 
 OPTIONS = {
-    "publish_rate": Entry(200.0, "rate of state and joint_states [Hz]", 0.1, 10_000.0),
-    "noise": Entry(0.0, "standard deviation of white noise on each published state, in its unit", 0.0, 1e9),
-    "seed": Entry(0, "seed of the noise", 0, 2**31 - 1),
-    "joint_name": Entry("joint", "name of the joint in joint_states"),
-    "input_signal": Entry("external", "what drives the plant; external: topic input", choices=INPUT_SIGNALS),
-    "amplitude": Entry(1.0, "largest value of the input signal, in the input's unit", 0.0, 1e9),
-    "input_period": Entry(1.0, "period of the input signal [s]", 1e-3, 1e6),
+    "publish_rate": Overridable(200.0, "rate of state and joint_states [Hz]", 0.1, 10_000.0),
+    "noise": Overridable(0.0, "standard deviation of white noise on each published state, in its unit", 0.0, 1e9),
+    "seed": Overridable(0, "seed of the noise", 0, 2**31 - 1),
+    "joint_name": Overridable("joint", "name of the joint in joint_states"),
+    "input_signal": Overridable("external", "what drives the plant; external: topic input", choices=INPUT_SIGNALS),
+    "amplitude": Overridable(1.0, "largest value of the input signal, in the input's unit", 0.0, 1e9),
+    "input_period": Overridable(1.0, "period of the input signal [s]", 1e-3, 1e6),
 }
-LONGEST_GAP = 10 * NANO
+MAX_CLOCK_JUMP = 10 * NANO
 """A clock that moves on by more ns at once was set, or the machine slept: the plant stood still."""
-MOST_AT_ONCE = 20
+MAX_STEPS_AT_ONCE = 20
 """Steps that are published together where the node was late; of more, the last ones."""
 
 
@@ -57,7 +57,7 @@ class PlantSimulatorNode(ModelNode):
         self._joint_states = self.create_publisher(JointState, "joint_states", RELIABLE)
         if self._signal is None:
             self._arriving = Gathering(
-                self, Float64MultiArray, "input", self._take_input, SENSORS, lambda: 0.0, sent=True
+                self, Float64MultiArray, "input", self._take_input, SENSOR_QOS, lambda: 0.0, sent=True
             )
         else:
             self._inputs = self.create_publisher(Float64MultiArray, "input", RELIABLE)
@@ -86,7 +86,7 @@ class PlantSimulatorNode(ModelNode):
         if self._signal is None:
             self._arriving.pump()
         due = (self.now() - self.origin) // self._period
-        if (due - self.steps) * self._period > LONGEST_GAP:
+        if (due - self.steps) * self._period > MAX_CLOCK_JUMP:
             self.origin += (due - self.steps - 1) * self._period
             due = self.steps + 1
         for step in range(self.steps, due):
@@ -94,7 +94,7 @@ class PlantSimulatorNode(ModelNode):
                 self.u[0] = self._signal(step * self._period / NANO)
             self.measuring.take(self._advanced(self.origin + step * self._period))
             self.steps = step + 1
-            if due - self.steps < MOST_AT_ONCE:
+            if due - self.steps < MAX_STEPS_AT_ONCE:
                 self._publish()
 
     def _advanced(self, start: int) -> Array:

@@ -15,24 +15,26 @@ from signlin_ros.files import refusal
 from signlin_ros.nodes import convert
 from signlin_ros.nodes.linearizer_logic import NANO, Refusal
 from signlin_ros.nodes.managed import ManagedNode
-from signlin_ros.nodes.overrides import Entry
-from signlin_ros.nodes.qos import LATCHED, RELIABLE, SENSORS
+from signlin_ros.nodes.overrides import Overridable
+from signlin_ros.nodes.qos import LATCHED, RELIABLE, SENSOR_QOS
 from signlin_ros.nodes.runner import run
 from sim_nodes.playing import ABORTED, Player, read_command, read_limits
 
 OPTIONS = {
-    "command": Entry("", "command to play: a table with t and the input, as signlin experiment writes it"),
-    "limit": Entry(0.0, "largest |input|, in its unit; must be given", 0.0, 1e9),
-    "limits": Entry("", "largest |value| of states, of a position its distance from the start: speed=80,position=1.5"),
-    "margin": Entry(0.05, "part of a limit before it at which the play is given up [-]", 0.0, 0.9),
-    "runs": Entry(2, "how often the command is played", 1, 100),
-    "pause": Entry(1.0, "rest before each run [s]", 0.0, 3600.0),
-    "ramp": Entry(0.1, "time in which the command fades in [s]", 0.0, 60.0),
-    "state_timeout": Entry(0.1, "age of the state [s] that ends the play", 1e-3, 60.0),
-    "output": Entry("", "record of the first run (.csv or .mcap); the second is NAME_again beside it"),
-    "first_record": Entry("", "the record that the command was planned from, for the command line that is told"),
+    "command": Overridable("", "command to play: a table with t and the input, as signlin experiment writes it"),
+    "limit": Overridable(0.0, "largest |input|, in its unit; must be given", 0.0, 1e9),
+    "limits": Overridable(
+        "", "largest |value| of states, of a position its distance from the start: speed=80,position=1.5"
+    ),
+    "margin": Overridable(0.05, "part of a limit before it at which the play is given up [-]", 0.0, 0.9),
+    "runs": Overridable(2, "how often the command is played", 1, 100),
+    "pause": Overridable(1.0, "rest before each run [s]", 0.0, 3600.0),
+    "ramp": Overridable(0.1, "time in which the command fades in [s]", 0.0, 60.0),
+    "state_timeout": Overridable(0.1, "age of the state [s] that ends the play", 1e-3, 60.0),
+    "output": Overridable("", "record of the first run (.csv or .mcap); the second is NAME_again beside it"),
+    "first_record": Overridable("", "the record that the command was planned from, for the command line that is told"),
 }
-TICK = 0.02
+AGE_PERIOD = 0.02
 """Time in s between two looks at the age of the state."""
 
 
@@ -61,8 +63,8 @@ class PlayNode(ManagedNode):
 
     def begin(self) -> None:
         """Wait for the first state, then play."""
-        self._states = self.create_subscription(Float64MultiArray, "state", self._on_state, SENSORS)
-        self._timer = self.create_timer(TICK, self._on_tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._states = self.create_subscription(Float64MultiArray, "state", self._on_state, SENSOR_QOS)
+        self._timer = self.create_timer(AGE_PERIOD, self._on_tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def end(self) -> None:
         """Give up, and leave the machine without input."""

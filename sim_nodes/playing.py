@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 WAITING, PLAYING, PAUSED, DONE, ABORTED = "waiting", "playing", "paused", "done", "aborted"
 """Where a play is: until the first state; while the command is sent; between runs; at the end."""
-EVEN = 0.5
+MAX_ARRIVAL_OFFSET = 0.5
 """Steps by which times of arrival may be off an even clock, to be taken as one."""
 
 
@@ -187,7 +187,7 @@ def evened(t: Array) -> Array:
     step = (t[-1] - t[0]) / (t.size - 1)
     late = t - step * k
     even = t[0] + step * k + float(np.median(late - t[0]))
-    return even - even[0] if np.quantile(np.abs(t - even), 0.99) < EVEN * step else t
+    return even - even[0] if np.quantile(np.abs(t - even), 0.99) < MAX_ARRIVAL_OFFSET * step else t
 
 
 __all__ = ["ABORTED", "DONE", "PAUSED", "PLAYING", "WAITING", "Command", "Player", "read_command", "read_limits"]

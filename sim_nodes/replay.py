@@ -11,26 +11,26 @@ from std_msgs.msg import Float64MultiArray
 from signlin_ros.errors import InputError
 from signlin_ros.nodes import convert
 from signlin_ros.nodes.linearizer_logic import NANO
-from signlin_ros.nodes.overrides import Entry
+from signlin_ros.nodes.overrides import Overridable
 from signlin_ros.nodes.parameters import ModelNode
 from signlin_ros.nodes.qos import RELIABLE
 from signlin_ros.nodes.runner import run
 from sim_nodes.playback import Playback, Sample
 
 OPTIONS = {
-    "record": Entry("", "record to play: CSV, MAT or rosbag2"),
-    "rate": Entry(1.0, "speed; 1: as it was measured", 1e-3, 1e3),
-    "loop": Entry(False, "start again at the end"),
-    "publish_clock": Entry(False, "publish /clock with the record's time"),
-    "joint_name": Entry("joint", "name of the joint in joint_states"),
+    "record": Overridable("", "record to play: CSV, MAT or rosbag2"),
+    "rate": Overridable(1.0, "speed; 1: as it was measured", 1e-3, 1e3),
+    "loop": Overridable(False, "start again at the end"),
+    "publish_clock": Overridable(False, "publish /clock with the record's time"),
+    "joint_name": Overridable("joint", "name of the joint in joint_states"),
 }
-PATIENCE = 5 * NANO
+MAX_SUBSCRIBER_WAIT = 5 * NANO
 """Nanoseconds to wait for a subscriber before playing to nobody."""
 SETTLE = NANO // 2
 """Nanoseconds from the first subscriber to the first sample, so that the others are found too."""
-MOST_AT_ONCE = 100
+MAX_SAMPLES_AT_ONCE = 100
 """Samples published before the executor gets its turn."""
-LATE = NANO // 2
+LATE_NANOSECONDS = NANO // 2
 """Nanoseconds behind the record's time at which that is said."""
 
 
@@ -68,16 +68,16 @@ class ReplayNode(ModelNode):
         now = self.now()
         if not self._start:
             heard = self._states.get_subscription_count() + self._joint_states.get_subscription_count()
-            if not heard and now - self._born < PATIENCE:
+            if not heard and now - self._born < MAX_SUBSCRIBER_WAIT:
                 return
             self._start = now + (SETTLE if heard else 0)
-        for _ in range(MOST_AT_ONCE):
+        for _ in range(MAX_SAMPLES_AT_ONCE):
             if self._next is None:
                 self._end()
                 return
             if self._due(self._next) > now:
                 return
-            late = now - self._due(self._next) > LATE
+            late = now - self._due(self._next) > LATE_NANOSECONDS
             self._publish(self._next)
             self._next = next(self._samples, None)
         if late:

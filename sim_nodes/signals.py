@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 Signal = Callable[[float], float]
 INPUT_SIGNALS = ("external", "square", "sine", "multisine")
-HARMONICS = (1, 2, 3, 5, 7, 11, 13)
+MULTISINE_HARMONICS = (1, 2, 3, 5, 7, 11, 13)
 """Of the multisine; the phases are Schroeder's, which keep the peak low."""
 
 
@@ -28,8 +28,10 @@ def _sine(phase: float) -> float:
 
 
 def _sum(phase: float) -> float:
-    shifts = (math.pi * i * i / len(HARMONICS) for i in range(len(HARMONICS)))
-    return sum(math.sin(2.0 * math.pi * n * phase + shift) for n, shift in zip(HARMONICS, shifts, strict=True))
+    shifts = (math.pi * i * i / len(MULTISINE_HARMONICS) for i in range(len(MULTISINE_HARMONICS)))
+    return sum(
+        math.sin(2.0 * math.pi * n * phase + shift) for n, shift in zip(MULTISINE_HARMONICS, shifts, strict=True)
+    )
 
 
 _PEAK = max(abs(_sum(i / 4096)) for i in range(4096))

@@ -27,7 +27,7 @@ NO_LIMIT = "no controller: give -p controller.limit=..., the largest |input| tha
 
 
 @dataclass(frozen=True)
-class Plan:
+class StartPlan:
     """What is started: ``model`` for all nodes, ``truth`` for the simulator in its place, one set for each namespace.
 
     ``parameters``: ``node.name=value``, or ``name=value`` for all nodes. With a ``record``, replay takes the place of
@@ -78,7 +78,7 @@ def _parameter(text: str, node: str) -> Iterator[str]:
         yield from ("-p", f"{key}:={value}")
 
 
-def nodes(plan: Plan) -> list[Node]:
+def nodes(plan: StartPlan) -> list[Node]:
     """Make all nodes; raise `InputError` for what the user gave."""
     found: list[Node] = []
     try:
@@ -98,11 +98,11 @@ def _class(name: str) -> type[Node]:
     return getattr(importlib.import_module(module), kind)  # type: ignore[no-any-return]
 
 
-def up(plan: Plan, arguments: Sequence[str] = ()) -> int:
+def up(plan: StartPlan, arguments: Sequence[str] = ()) -> int:
     """Run all nodes until a signal, or the end of the record; return the exit code."""
     if not plan.is_limited and "controller" not in plan.without:
         get_logger("signlin").warning(NO_LIMIT)
     return run("signlin", lambda: nodes(plan), ["signlin", *arguments])
 
 
-__all__ = ["NODES", "Plan", "up"]
+__all__ = ["NODES", "StartPlan", "up"]

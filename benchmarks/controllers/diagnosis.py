@@ -13,7 +13,7 @@ import numpy as np
 from benchmarks.controllers.plants import Rig
 from benchmarks.controllers.table import read, report, trials, work
 from benchmarks.controllers.trial import Trial, tuned
-from signlin_ros.control.designs import DEFAULT, DESIGNS
+from signlin_ros.control.designs import DEFAULT_DESIGN, DESIGNS
 from signlin_ros.control.drive import friction_free
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData, read_for_model
@@ -67,7 +67,7 @@ def models(rig: Rig, folder: Path) -> dict[str, Model]:
 
 def one(folder: Path, trial: Trial) -> dict[str, Any]:
     """Return the default design's result on a trial with each model."""
-    return {name: tuned(trial, DESIGNS[DEFAULT], model) for name, model in models(trial.rig, folder).items()}
+    return {name: tuned(trial, DESIGNS[DEFAULT_DESIGN], model) for name, model in models(trial.rig, folder).items()}
 
 
 def gain(results: Mapping[Trial, dict[str, Any]]) -> str:

@@ -21,7 +21,7 @@ import numpy as np
 
 from benchmarks.controllers.plants import rigs
 from benchmarks.controllers.trial import Trial, all_designs, standing, untuned
-from signlin_ros.control.designs import DEFAULT, DESIGNS
+from signlin_ros.control.designs import DEFAULT_DESIGN, DESIGNS
 
 PERIODS = (0.02, 0.2)
 BASE = "friction_free"
@@ -192,7 +192,7 @@ def main() -> None:
     if not options.only_print:
         work(todo, folder, options.jobs, all_designs)
         work(todo, options.output / "untuned", options.jobs, untuned)
-    print(f"default design: {DEFAULT}\n")
+    print(f"default design: {DEFAULT_DESIGN}\n")
     print(report(beside(read(todo, folder), read(todo, options.output / "untuned"))))
 
 

@@ -11,11 +11,11 @@ import numpy as np
 
 from benchmarks.controllers.plants import Rig, corner, mismatched
 from benchmarks.controllers.search import ALWAYS, search
-from signlin_ros.control.designs import DEFAULT, DESIGNS, Design, Task, Tuning, default_tuning, feed_along
+from signlin_ros.control.designs import DEFAULT_DESIGN, DESIGNS, Design, Task, Tuning, default_tuning, feed_along
 from signlin_ros.control.drive import Drive
 from signlin_ros.control.lqr import Weights
 from signlin_ros.control.reference import Profile
-from signlin_ros.control.tracking import Bench, Run
+from signlin_ros.control.tracking import TrackingBench, TrackingRun
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model
 
@@ -83,12 +83,12 @@ class Stand:
             for plant in plants
         ]
 
-    def _bench(self, drive: Drive, profile: Profile, what: str) -> Bench:
-        count = Bench(drive, profile, self.trial.period).count
+    def _bench(self, drive: Drive, profile: Profile, what: str) -> TrackingBench:
+        count = TrackingBench(drive, profile, self.trial.period).count
         noise = self.trial.random(f"noise {what}").standard_normal((count, 2)) * np.array(self.trial.rig.noise)
-        return Bench(drive, profile, self.trial.period, self.trial.task.delay, noise)
+        return TrackingBench(drive, profile, self.trial.period, self.trial.task.delay, noise)
 
-    def runs(self, design: Design, model: Model, tuning: Tuning) -> list[dict[str, Run]]:
+    def runs(self, design: Design, model: Model, tuning: Tuning) -> list[dict[str, TrackingRun]]:
         """Return the runs of a design made from a model, by plant and reference."""
         task = self.trial.task
         law = design.law(model, task, tuning)
@@ -99,7 +99,7 @@ class Stand:
         return found
 
 
-def cost(trial: Trial, runs: list[dict[str, Run]]) -> float:
+def cost(trial: Trial, runs: list[dict[str, TrackingRun]]) -> float:
     """Return the mean error over plants and references, each as a share of its reference.
 
     Chatter, and an oscillation at rest, beyond their bounds make it dearer.
@@ -154,7 +154,7 @@ def _plain(tuning: Tuning) -> dict[str, float]:
     return numbers | {name: getattr(tuning, name) for name in ("floor", "friction", "turning")}
 
 
-def _measured(trial: Trial, by_name: Mapping[str, Run]) -> dict[str, dict[str, float]]:
+def _measured(trial: Trial, by_name: Mapping[str, TrackingRun]) -> dict[str, dict[str, float]]:
     found = {}
     for name, run in by_name.items():
         standing = trial.position and STOPS in name
@@ -167,7 +167,7 @@ def _measured(trial: Trial, by_name: Mapping[str, Run]) -> dict[str, dict[str, f
 def untuned(trial: Trial) -> dict[str, Any]:
     """Return the default design's result with the weights that the node takes by itself."""
     tuning = default_tuning(trial.task.period, trial.task.delay)
-    return {"default, untuned": measured(trial, DESIGNS[DEFAULT], trial.rig.model, tuning)}
+    return {"default, untuned": measured(trial, DESIGNS[DEFAULT_DESIGN], trial.rig.model, tuning)}
 
 
 def all_designs(trial: Trial, names: Iterable[str] = tuple(DESIGNS)) -> dict[str, Any]:

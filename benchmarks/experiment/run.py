@@ -22,10 +22,10 @@ import numpy as np
 from benchmarks.experiment.ties import TIES, Tie, chirp
 from signlin_ros.diagnosis.verbs import diagnose
 from signlin_ros.errors import SignlinError
-from signlin_ros.experiment.plan import Plan
-from signlin_ros.experiment.search import NEEDED
-from signlin_ros.experiment.setting import Known, bench_of, gains_of, known_rivals
-from signlin_ros.experiment.verbs import Wishes, designed
+from signlin_ros.experiment.plan import ExperimentPlan
+from signlin_ros.experiment.search import NEEDED_EVIDENCE
+from signlin_ros.experiment.setting import KnownLimits, bench_of, gains_of, known_rivals
+from signlin_ros.experiment.verbs import ExperimentWishes, designed
 from signlin_ros.fitting.fit import fit
 from signlin_ros.follow.data import load_sides
 from signlin_ros.guard import check_sides
@@ -38,7 +38,7 @@ def read(tie: Tie, paths: Sequence[Path]) -> tuple[Any, list[ModelData]]:
     return model, data
 
 
-def beyond(tie: Tie, which: int, plan: Plan) -> float:
+def beyond(tie: Tie, which: int, plan: ExperimentPlan) -> float:
     """Return the largest part of a limit that the true machine comes to."""
     shown, _ = tie.shown(which, plan.t, plan.u)
     parts = [np.abs(plan.u).max() / plan.limits[plan.input]]
@@ -49,7 +49,7 @@ def beyond(tie: Tie, which: int, plan: Plan) -> float:
     return float(max(parts))
 
 
-def margin(model: Any, records: Sequence[ModelData], rivals: Sequence[Known], true: str) -> float:
+def margin(model: Any, records: Sequence[ModelData], rivals: Sequence[KnownLimits], true: str) -> float:
     """Return -2 log likelihood by which the best wrong rival is behind the true one, all refitted to all records."""
     bench, costs = bench_of(model, records, rivals), dict[str, float]()
     for c in bench.contenders:
@@ -85,14 +85,14 @@ def case(tie: Tie, which: int, seed: int, folder: Path, chirps: bool) -> dict[st
     row["rivals"] = ["+".join(r.effects) for r in rivals]
     started = time.process_time()
     try:
-        plan = designed(model, data, rivals, Wishes(limits=tie.limits, duration=tie.duration, seed=seed))
+        plan = designed(model, data, rivals, ExperimentWishes(limits=tie.limits, duration=tie.duration, seed=seed))
     except SignlinError as error:
         return row | {"plan": "", "why": str(error)}
     row |= {"cpu": time.process_time() - started, "plan": plan.words, "verdict": plan.verdict, "tried": plan.tried}
     row |= {"sentence": plan.sentence, "peak": float(np.abs(plan.u).max()), "beyond": beyond(tie, which, plan)}
     name = names[0].replace("_", " ")
     own = [p for p in plan.pairs if name in p.rivals]
-    told = [p.expected for p in own if p.expected >= NEEDED]
+    told = [p.expected for p in own if p.expected >= NEEDED_EVIDENCE]
     row |= {"promised": min(told, default=None), "planned_for": bool(own), "alike": [p.rivals for p in own if p.alike]}
     runs = [tie.record(which, plan.t, plan.u, 1000 * seed + 100 + 10 * which + k, folder / f"r{k}.csv") for k in (0, 1)]
     row["named"], row["confirmed"], row["then"] = verdict(tie, folder, [first, runs[0]], runs[1])
@@ -100,14 +100,14 @@ def case(tie: Tie, which: int, seed: int, folder: Path, chirps: bool) -> dict[st
     row["wrong"] = bool(set(row["confirmed"]) - set(names)) and row["then"] != "unexplained"
     if own and told:
         kept = [r for r in rivals if "+".join(r.effects).replace("_", " ") in {n for p in own for n in p.rivals
-                if p.expected >= NEEDED}]  # fmt: skip
+                if p.expected >= NEEDED_EVIDENCE}]  # fmt: skip
         row["seen"] = margin(model, [*data, *read(tie, runs)[1]], kept, names[0])
     if chirps:
         row["chirp"], row["chirp_peak"] = _chirp(tie, which, seed, folder, first, plan)
     return row
 
 
-def _chirp(tie: Tie, which: int, seed: int, folder: Path, first: Path, plan: Plan) -> tuple[bool, float]:
+def _chirp(tie: Tie, which: int, seed: int, folder: Path, first: Path, plan: ExperimentPlan) -> tuple[bool, float]:
     """Return whether a chirp of the largest peak within the limits does as well, and that peak."""
     peak = plan.limits[plan.input]
     for _k in range(25):

@@ -12,24 +12,24 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.arms.fit import Design, Estimate, fit
+from signlin_ros.arms.fit import CoefficientEstimate, FitDesign, fit
 from signlin_ros.arms.laws import payload
-from signlin_ros.arms.piece import Piece, Rows
+from signlin_ros.arms.piece import ArmSegment, RegressionRows
 from signlin_ros.arms.proposal import Proposal
 from signlin_ros.arms.study import Study, predicted
-from signlin_ros.arms.verbs import Comparison, Diagnosis
+from signlin_ros.arms.verbs import ArmComparison, ArmDiagnosis
 from signlin_ros.model.arm import ArmModel
 from signlin_ros.model.arm_file import Payload
 from signlin_ros.robots import inverse_dynamics
 
 Array = NDArray[np.float64]
-ROUNDS = 4
+PAYLOAD_ROUNDS = 4
 """Times that the payload is corrected: friction depends on it only through the sign and size of loads."""
-STEP = 1e-3
+PAYLOAD_STEP = 1e-3
 """kg and kg·m by which the derivative of the whole model is taken."""
 
 
-def carried(comparison: Comparison) -> Diagnosis:
+def carried(comparison: ArmComparison) -> ArmDiagnosis:
     """Return the payload that what is left of a model says, of mass and, where its tolerance says so, centre."""
     study = comparison.study
     first = study.model.arm.payload
@@ -39,7 +39,7 @@ def carried(comparison: Comparison) -> Diagnosis:
     mean = np.array([first.m, *(first.m * np.array(first.com))]) if moments else np.array([first.m])
     sd = np.array([tolerance.get("m", np.inf) or np.inf, *[np.inf] * 3]) if moments else np.array([tolerance["m"]])
     values, com = mean.copy(), np.array(first.com)
-    for _ in range(ROUNDS):
+    for _ in range(PAYLOAD_ROUNDS):
         model = _with(study.model, values, com, moments)
         estimate = _step(study, model, values, com, moments, mean, sd)
         values = values + estimate.theta
@@ -53,7 +53,7 @@ def carried(comparison: Comparison) -> Diagnosis:
     text = model.arm.robot if model.arm.is_text else (model.folder / model.arm.robot).read_text(encoding="utf-8")
     state = study.state()
     proposed = Proposal(model, text)
-    return Diagnosis(
+    return ArmDiagnosis(
         *(replace(comparison, table=table), state, estimate, (), (), (), proposed), payload=told, only_payload=True
     )
 
@@ -66,7 +66,9 @@ def _with(model: ArmModel, values: Array, com: Array, moments: bool) -> ArmModel
     return model.with_payload(Payload(before.on, m, tuple(float(v) for v in centre)))
 
 
-def _step(study: Study, model: ArmModel, values: Array, com: Array, moments: bool, mean: Array, sd: Array) -> Estimate:
+def _step(
+    study: Study, model: ArmModel, values: Array, com: Array, moments: bool, mean: Array, sd: Array
+) -> CoefficientEstimate:
     """Return what a payload has to be corrected by (1 or 4,), from all that the model leaves."""
     sides = []
     for rows in (study.rows, study.new):
@@ -76,10 +78,10 @@ def _step(study: Study, model: ArmModel, values: Array, com: Array, moments: boo
         sides.append((left, columns + _through_friction(model, rows, columns)))
     rows, new = (_left(rows, side[0]) for rows, side in zip((study.rows, study.new), sides, strict=True))
     names = ("payload.m", "payload.mx", "payload.my", "payload.mz")[: mean.size]
-    return fit(Design(names, sides[0][1], sides[1][1], mean - values, sd), rows, new)
+    return fit(FitDesign(names, sides[0][1], sides[1][1], mean - values, sd), rows, new)
 
 
-def _through_friction(model: ArmModel, rows: Rows, columns: Array) -> Array:
+def _through_friction(model: ArmModel, rows: RegressionRows, columns: Array) -> Array:
     """Return what friction that grows with the load adds to columns of loads on the joints (N, k), by rows."""
     found = np.zeros(columns.shape)
     for key, use in model.effects.items():
@@ -92,17 +94,17 @@ def _through_friction(model: ArmModel, rows: Rows, columns: Array) -> Array:
     return found
 
 
-def _turned(model: ArmModel, rows: Rows, i: int) -> Array:
+def _turned(model: ArmModel, rows: RegressionRows, i: int) -> Array:
     """Return sign(load) sign(velocity) of a motor (N,), filtered."""
 
-    def of(piece: Piece) -> Array:
+    def of(piece: ArmSegment) -> Array:
         load = inverse_dynamics(model.robot, piece.q, piece.v, piece.a)[:, i]
         return np.asarray(np.sign(load) * piece.signs[i].sign(piece.signs[i].velocity))
 
     return np.asarray(rows.motor(i, of))
 
 
-def _left(rows: Rows, left: Array) -> Rows:
+def _left(rows: RegressionRows, left: Array) -> RegressionRows:
     other = copy(rows)
     other.y = left
     return other

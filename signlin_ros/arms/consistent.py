@@ -10,18 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from signlin_ros.arms.fit import Estimate
+from signlin_ros.arms.fit import CoefficientEstimate
 from signlin_ros.robots.inertia import TEN, from_pseudo_inertia, least_eigenvalue, pseudo_inertia
 
 Array = NDArray[np.float64]
 _LOWER = np.tril_indices(4)
-LEAST = 1e-7
+MIN_EIGENVALUE = 1e-7
 """Part of the largest eigenvalue that the smallest one of a pseudo-inertia is given."""
-MARGIN = 1e-6
+MIN_BODY_MASS = 1e-6
 """kg by which a body without a mass is given one."""
 
 
-def consistent(estimate: Estimate, start: Array, carried: Array) -> Array:
+def consistent(estimate: CoefficientEstimate, start: Array, carried: Array) -> Array:
     """Return all parameters (k,) of an estimate with bodies that exist, as near its optimum as they come.
 
     start : (10 n,) parameters near which the search begins, those of the URDF. carried : (10 n,) of the payload, beside
@@ -51,7 +51,7 @@ def _triangle(pi: Array) -> Array:
     """Return the lower triangle (10,) whose product is a body's pseudo-inertia, or one near it that exists."""
     J = pseudo_inertia(pi)
     values, vectors = np.linalg.eigh(J)
-    floor = max(LEAST * float(values[-1]), LEAST * MARGIN)
+    floor = max(MIN_EIGENVALUE * float(values[-1]), MIN_EIGENVALUE * MIN_BODY_MASS)
     L = np.linalg.cholesky((vectors * np.maximum(values, floor)) @ vectors.T)
     return np.asarray(L[_LOWER])
 
@@ -61,7 +61,7 @@ def _bodies(x: Array) -> Array:
     for part in x.reshape(-1, TEN):
         L = np.zeros((4, 4))
         L[_LOWER] = part
-        found.append(from_pseudo_inertia(L @ L.T + LEAST * MARGIN * np.eye(4)))
+        found.append(from_pseudo_inertia(L @ L.T + MIN_EIGENVALUE * MIN_BODY_MASS * np.eye(4)))
     return np.concatenate(found)
 
 

@@ -8,16 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from signlin_ros.arms.fit import Design, Estimate, fit
+from signlin_ros.arms.fit import CoefficientEstimate, FitDesign, fit
 from signlin_ros.arms.laws import BASIC, Loads, column, motor_inertia
-from signlin_ros.arms.search import AGAIN, DOUBT, FLOOR, WORTH, State
+from signlin_ros.arms.search import DOUBT, MIN_COEFFICIENT_ERRORS, MIN_VALIDATION_ERRORS, MIN_VALIDATION_SHARE, State
 
 Array = NDArray[np.float64]
 RATIOS = (1.0, -1.0)
 """Turns of a motor, in those of its own joint, for one of the joint beside it."""
 
 
-def find_coupling(state: State, estimate: Estimate) -> tuple[int, int, Array] | None:
+def find_coupling(state: State, estimate: CoefficientEstimate) -> tuple[int, int, Array] | None:
     """Return the joint whose motor turns with another one too, that other, and the motors (n, n); None if none does.
 
     A coupling stands if its friction is sure beside all other, of unseen rows alone too, and both joints' unseen rows
@@ -26,23 +26,27 @@ def find_coupling(state: State, estimate: Estimate) -> tuple[int, int, Array] | 
     motors = state.rows.pieces[0].motors[: state.robot.n]
     fixed = fit(estimate.design, state.rows, state.new, estimate.weights)
     candidates = list(_candidates(motors))
-    needed = max(FLOOR, float(norm.isf(DOUBT / max(2 * len(candidates), 1) / 2)))
+    needed = max(MIN_COEFFICIENT_ERRORS, float(norm.isf(DOUBT / max(2 * len(candidates), 1) / 2)))
     best: tuple[float, int, int, Array] | None = None
     for j, i, changed in candidates:
         extra = _beside(state, j, changed)
-        trial = fit(fixed.design.plus(_NAMES, *extra), state.rows, state.new, fixed.weights)
+        trial = fit(fixed.design.plus(_COUPLED_EFFECTS, *extra), state.rows, state.new, fixed.weights)
         if not _sure(trial, needed):
             continue
         other = fit(_with(state, fixed.design, j, changed), state.rows, state.new, fixed.weights)
         with np.errstate(divide="ignore", invalid="ignore"):
             fall = 1.0 - (other.rms / fixed.rms) ** 2
             worth = float(np.nansum(np.log(fixed.rms) - np.log(other.rms)))
-        if min(fall[i], fall[j]) > 0.0 and max(fall[i], fall[j]) > WORTH and (best is None or worth > best[0]):
+        if (
+            min(fall[i], fall[j]) > 0.0
+            and max(fall[i], fall[j]) > MIN_VALIDATION_SHARE
+            and (best is None or worth > best[0])
+        ):
             best = (worth, j, i, changed)
     return None if best is None else best[1:]
 
 
-_NAMES = ("coupled.viscous_friction", "coupled.coulomb_friction")
+_COUPLED_EFFECTS = ("coupled.viscous_friction", "coupled.coulomb_friction")
 
 
 def _beside(state: State, j: int, motors: Array) -> tuple[Array, Array]:
@@ -66,7 +70,7 @@ def _candidates(motors: Array) -> Iterator[tuple[int, int, Array]]:
                     yield j, i, changed
 
 
-def _with(state: State, design: Design, j: int, motors: Array) -> Design:
+def _with(state: State, design: FitDesign, j: int, motors: Array) -> FitDesign:
     """Return a design in which the motor j turns with another joint, too: its friction and inertia act on both."""
     known, unseen = design.known.copy(), design.unseen.copy()
     loads = Loads(state.robot, state.robot.pi)
@@ -75,10 +79,10 @@ def _with(state: State, design: Design, j: int, motors: Array) -> Design:
             if at == j:
                 columns[:, [design.at(f"{j}.{law.effect}.{law.linear}")]] = column(law, 0.0, rows, j, loads)
         columns[:, [design.at(f"{j}.motor_inertia")]] = motor_inertia(rows, j)
-    return Design(design.names, known, unseen, design.mean, design.sd)
+    return FitDesign(design.names, known, unseen, design.mean, design.sd)
 
 
-def _sure(trial: Estimate, needed: float) -> bool:
+def _sure(trial: CoefficientEstimate, needed: float) -> bool:
     """Tell whether the friction of a coupling is there beyond doubt, and there again on unseen rows alone."""
     values = trial.theta[-2:]
     ratio = values / np.maximum(trial.errors()[-2:], 1e-300)
@@ -86,7 +90,7 @@ def _sure(trial: Estimate, needed: float) -> bool:
         return False
     other = fit(trial.design.swapped(), trial.new, trial.rows, trial.weights)
     again = other.theta[-2:] / np.maximum(other.errors()[-2:], 1e-300)
-    return bool(again[int(np.argmax(ratio))] >= AGAIN)
+    return bool(again[int(np.argmax(ratio))] >= MIN_VALIDATION_ERRORS)
 
 
 __all__ = ["find_coupling"]

@@ -10,24 +10,24 @@ from numpy.typing import NDArray
 
 from signlin_ros.errors import RecordError
 from signlin_ros.model.arm import ArmModel
-from signlin_ros.plants.arm import GAIN
+from signlin_ros.plants.arm import GAIN_PARAMETER
 from signlin_ros.records import ModelData, read_runs
 
 Array = NDArray[np.float64]
-LONG = 5.0
+MIN_GAP_RATIO = 5.0
 """Times the median step from which on two samples have a gap between them."""
-SHORTEST = 2.0
+MIN_PART_SECONDS = 2.0
 """Seconds that a part of a record needs."""
-EVEN = 0.1
+EVEN_TOLERANCE = 0.1
 """Part of a step by which samples may be off an even time and count as even."""
-SAME, PER_LEVEL = 1e-3, 20
+SAME_LEVEL_SHARE, PER_LEVEL = 1e-3, 20
 """Part of their range within which two efforts are one level; samples per level from which on levels are few."""
 HELD_OUT = 2 / 3
 """Share of every record that is fitted to, where no other is given to validate with."""
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class ArmRun:
     """A part of a record without gaps, evenly sampled: t (T,) s; q, tau (T, n); v (T, n) or None where not measured.
 
     Units are rad, rad/s and N·m (m, m/s and N of a prismatic joint), tau at the joints. ``steps`` (n,) of the efforts
@@ -49,7 +49,7 @@ class Run:
     def __len__(self) -> int:
         return int(self.t.size)
 
-    def part(self, first: float, last: float) -> Run:
+    def part(self, first: float, last: float) -> ArmRun:
         """Return the samples between two shares of the run, 0 to 1."""
         cut = slice(round(first * len(self)), round(last * len(self)))
         v = None if self.v is None else self.v[cut]
@@ -69,13 +69,13 @@ def read_data(model: ArmModel, paths: Sequence[str], signals: Mapping[str, str])
     return records
 
 
-def runs_of(model: ArmModel, record: ModelData) -> list[Run]:
+def runs_of(model: ArmModel, record: ModelData) -> list[ArmRun]:
     """Return the parts of a record between gaps, sampled evenly; raise `RecordError` where nothing is long enough."""
     names = model.robot.names
     q = np.stack([record.measured[f"{name}.position"] for name in names], axis=1)
     measured = all(f"{name}.velocity" in record.measured for name in names)
     v = np.stack([record.measured[f"{name}.velocity"] for name in names], axis=1) if measured else None
-    gains = np.array([model.parameters[f"{name}.{GAIN}"] for name in names])
+    gains = np.array([model.parameters[f"{name}.{GAIN_PARAMETER}"] for name in names])
     tau = record.u * gains
     at_motor = np.array(model.arm_plant.at_motor)
     tau = tau @ np.where(at_motor[None, :], model.arm_plant.motors.T, np.eye(len(names))).T
@@ -84,33 +84,33 @@ def runs_of(model: ArmModel, record: ModelData) -> list[Run]:
         good &= np.isfinite(v).all(axis=1)
     at = np.flatnonzero(good)
     step = float(np.median(np.diff(record.t)))
-    cuts = np.flatnonzero(np.diff(record.t[at]) > LONG * step) + 1
+    cuts = np.flatnonzero(np.diff(record.t[at]) > MIN_GAP_RATIO * step) + 1
     found = [
         _even(record.t[part], q[part], None if v is None else v[part], tau[part], step, record.source)
         for part in np.split(at, cuts)
-        if part.size > 1 and record.t[part[-1]] - record.t[part[0]] >= SHORTEST
+        if part.size > 1 and record.t[part[-1]] - record.t[part[0]] >= MIN_PART_SECONDS
     ]
     if not found:
-        raise RecordError(f"{record.source}: no part without gaps is {SHORTEST:g} s long")
+        raise RecordError(f"{record.source}: no part without gaps is {MIN_PART_SECONDS:g} s long")
     return found
 
 
-def _even(t: Array, q: Array, v: Array | None, tau: Array, step: float, source: str) -> Run:
+def _even(t: Array, q: Array, v: Array | None, tau: Array, step: float, source: str) -> ArmRun:
     """Return samples at even times, in between by straight lines; as they are where they are even already."""
     steps = np.array([effort_step(column) for column in tau.T])
-    if np.abs(t - t[0] - step * np.arange(t.size)).max() <= EVEN * step:
-        return Run(t[0] + step * np.arange(t.size), q, v, tau, source, steps)
+    if np.abs(t - t[0] - step * np.arange(t.size)).max() <= EVEN_TOLERANCE * step:
+        return ArmRun(t[0] + step * np.arange(t.size), q, v, tau, source, steps)
     even = np.arange(t[0], t[-1], step)
 
     def at(values: Array) -> Array:
         return np.stack([np.interp(even, t, column) for column in values.T], axis=1)
 
-    return Run(even, at(q), None if v is None else at(v), at(tau), source, steps)
+    return ArmRun(even, at(q), None if v is None else at(v), at(tau), source, steps)
 
 
 def effort_step(tau: Array) -> float:
     """Return the step of efforts (T,) that come in few levels; 0 where they do not."""
-    same = SAME * float(np.ptp(tau))
+    same = SAME_LEVEL_SHARE * float(np.ptp(tau))
     levels = np.unique(np.round(tau / same)) if same > 0.0 else np.zeros(1)
     few = levels.size > 1 and levels.size * PER_LEVEL <= tau.size
     return float(np.median(np.diff(levels))) * same if few else 0.0
@@ -118,13 +118,13 @@ def effort_step(tau: Array) -> float:
 
 def sides(
     model: ArmModel, records: Sequence[ModelData], validation: Sequence[ModelData], share: float = HELD_OUT
-) -> tuple[list[Run], list[Run]]:
+) -> tuple[list[ArmRun], list[ArmRun]]:
     """Return the runs to fit and those that no fit sees: other records, or the last part of each."""
     runs = [run for record in records for run in runs_of(model, record)]
     if validation:
         return runs, [run for record in validation for run in runs_of(model, record)]
     known, unseen = [run.part(0.0, share) for run in runs], [run.part(share, 1.0) for run in runs]
-    long = [k for k, run in enumerate(unseen) if run.t.size and run.t[-1] - run.t[0] >= 0.5 * SHORTEST]
+    long = [k for k, run in enumerate(unseen) if run.t.size and run.t[-1] - run.t[0] >= 0.5 * MIN_PART_SECONDS]
     if not long:
         raise RecordError(
             f"{runs[0].source}: the last {1 - share:.0%} are too short to validate with; give --validation"
@@ -132,4 +132,4 @@ def sides(
     return known, [unseen[k] for k in long]
 
 
-__all__ = ["HELD_OUT", "Run", "read_data", "runs_of", "sides"]
+__all__ = ["HELD_OUT", "ArmRun", "read_data", "runs_of", "sides"]

@@ -12,16 +12,16 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.arms.piece import Rows
+from signlin_ros.arms.piece import RegressionRows
 from signlin_ros.robots import Robot
-from signlin_ros.robots.inertia import NAMES, TEN
+from signlin_ros.robots.inertia import INERTIAL_NAMES, TEN
 
 Array = NDArray[np.float64]
 LEAST_MASS, LEAST_INERTIA = 0.05, 1e-3
 """kg and kg·m² of a body of which a prior is relative to no less."""
 OFFSET, SPREAD = 0.12, 0.003
 """m by which centres of mass are off, and kg·m² per kg, at a tolerance of one."""
-ROUNDS = 4
+WEIGHT_ROUNDS = 4
 """Times that the weights are worked out anew."""
 RIDGE = 1e-9
 """Of the largest column: what no column tells from another stays where it was."""
@@ -41,12 +41,12 @@ def prior(robot: Robot, tolerance: float) -> Array:
 class Products:
     """Products of columns joint by joint: ``G`` (n, k, k) of columns, ``b`` (n, k) of columns and the effort."""
 
-    def __init__(self, X: Array, rows: Rows) -> None:
+    def __init__(self, X: Array, rows: RegressionRows) -> None:
         self.at = [np.flatnonzero(rows.joint == i) for i in range(rows.n)]
         self.G = np.stack([X[at].T @ X[at] for at in self.at])
         self.b = np.stack([X[at].T @ rows.y[at] for at in self.at])
 
-    def plus(self, X: Array, C: Array, rows: Rows) -> Products:
+    def plus(self, X: Array, C: Array, rows: RegressionRows) -> Products:
         """Return the products of columns X (N, k), which these are of, with more columns C (N, c) beside them."""
         other = copy(self)
         P = np.stack([X[at].T @ C[at] for at in self.at])
@@ -59,7 +59,7 @@ class Products:
 
 
 @dataclass(frozen=True, eq=False)
-class Design:
+class FitDesign:
     """Columns of a regression on the rows of a fit and on unseen ones, each with a prior.
 
     ``known`` (N, k), ``unseen`` (M, k); ``mean`` and ``sd`` (k,), infinite where nothing is known before. Products of
@@ -71,15 +71,15 @@ class Design:
     unseen: Array
     mean: Array
     sd: Array
-    before: Design | None = field(default=None, repr=False)
+    before: FitDesign | None = field(default=None, repr=False)
     worked: dict[int, Products] = field(default_factory=dict, repr=False)
 
     def plus(
         self, names: tuple[str, ...], known: Array, unseen: Array, mean: float = 0.0, sd: float = np.inf
-    ) -> Design:
+    ) -> FitDesign:
         """Return a design with more columns, of one prior."""
         k = len(names)
-        return Design(
+        return FitDesign(
             (*self.names, *names),
             np.concatenate([self.known, known], axis=1),
             np.concatenate([self.unseen, unseen], axis=1),
@@ -88,7 +88,7 @@ class Design:
             self,
         )
 
-    def products(self, rows: Rows) -> Products:
+    def products(self, rows: RegressionRows) -> Products:
         """Return the products of the columns on the rows of the fit."""
         found = self.worked.get(id(rows))
         if found is None:
@@ -101,13 +101,13 @@ class Design:
             self.worked[id(rows)] = found
         return found
 
-    def without(self, *names: str) -> Design:
+    def without(self, *names: str) -> FitDesign:
         """Return a design without some columns."""
         keep = np.array([name not in names for name in self.names])
         kept = tuple(name for name in self.names if name not in names)
-        return Design(kept, self.known[:, keep], self.unseen[:, keep], self.mean[keep], self.sd[keep])
+        return FitDesign(kept, self.known[:, keep], self.unseen[:, keep], self.mean[keep], self.sd[keep])
 
-    def swapped(self) -> Design:
+    def swapped(self) -> FitDesign:
         """Return the design with its two sides exchanged."""
         before = None if self.before is None else self.before.swapped()
         return replace(self, known=self.unseen, unseen=self.known, before=before)
@@ -118,16 +118,16 @@ class Design:
 
 
 @dataclass(frozen=True, eq=False)
-class Estimate:
+class CoefficientEstimate:
     """A fitted design: ``theta`` (k,), its curvature ``G`` (k, k), residuals, and the weights (n,) of the joints."""
 
-    design: Design
+    design: FitDesign
     theta: Array
     G: Array
     residual: Array
     weights: Array
-    rows: Rows = field(repr=False)
-    new: Rows = field(repr=False)
+    rows: RegressionRows = field(repr=False)
+    new: RegressionRows = field(repr=False)
 
     def __getitem__(self, name: str) -> float:
         return float(self.theta[self.design.at(name)])
@@ -188,18 +188,20 @@ def blocks(values: Array, block: NDArray[np.int64]) -> Array:
     return np.stack([np.bincount(block, column, count) for column in values.T], axis=1)
 
 
-def fit(design: Design, rows: Rows, new: Rows, weights: Array | None = None) -> Estimate:
+def fit(
+    design: FitDesign, rows: RegressionRows, new: RegressionRows, weights: Array | None = None
+) -> CoefficientEstimate:
     """Fit a design; ``weights`` (n,) of the joints are worked out where they are not given."""
     if weights is not None:
         return _solved(design, rows, new, weights)
     found = np.ones(rows.n)
-    for _ in range(ROUNDS):
+    for _ in range(WEIGHT_ROUNDS):
         left = _solved(design, rows, new, found).known_rms
         found = 1.0 / np.maximum(np.where(rows.counts > 0, np.nan_to_num(left), 1.0), 1e-9)
     return _solved(design, rows, new, found)
 
 
-def _solved(design: Design, rows: Rows, new: Rows, weights: Array) -> Estimate:
+def _solved(design: FitDesign, rows: RegressionRows, new: RegressionRows, weights: Array) -> CoefficientEstimate:
     products = design.products(rows)
     precision = np.where(np.isfinite(design.sd), 1.0 / np.maximum(design.sd, 1e-12) ** 2, 0.0)
     data = np.tensordot(weights**2, products.G, axes=1)
@@ -211,13 +213,15 @@ def _solved(design: Design, rows: Rows, new: Rows, weights: Array) -> Estimate:
     right = weights**2 @ products.b - data @ design.mean
     theta = design.mean + scale * np.linalg.solve(scaled, scale * right)
     G = scaled / scale[:, None] / scale
-    return Estimate(design, theta, G, rows.y - design.known @ theta, weights, rows, new)
+    return CoefficientEstimate(design, theta, G, rows.y - design.known @ theta, weights, rows, new)
 
 
-def rigid(robot: Robot, tolerance: float, rows: Rows, new: Rows, carried: Array | float = 0.0) -> Design:
+def rigid(
+    robot: Robot, tolerance: float, rows: RegressionRows, new: RegressionRows, carried: Array | float = 0.0
+) -> FitDesign:
     """Return the rigid body as a design, its parameters near those of the URDF and what it carries (10 n,)."""
-    names = tuple(f"{name}.{par}" for name in robot.names for par in NAMES)
-    return Design(names, rows.Y, new.Y, robot.pi + carried, np.maximum(prior(robot, tolerance), 1e-12))
+    names = tuple(f"{name}.{par}" for name in robot.names for par in INERTIAL_NAMES)
+    return FitDesign(names, rows.Y, new.Y, robot.pi + carried, np.maximum(prior(robot, tolerance), 1e-12))
 
 
-__all__ = ["Design", "Estimate", "blocks", "fit", "prior", "rigid"]
+__all__ = ["CoefficientEstimate", "FitDesign", "blocks", "fit", "prior", "rigid"]

@@ -2,7 +2,7 @@
 
 A column is the force of an effect's own `force` with one parameter 1 and the others 0: no law is written twice. The
 load that friction depends on is that of the model, never the measured effort: |effort| sign(v) is the effort itself
-wherever friction is most of it, and "explains" anything, on unseen data too.
+wherever friction is most of it, and "explains" anything, on validation data too.
 """
 
 from __future__ import annotations
@@ -14,21 +14,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.arms.piece import Piece, Rows
+from signlin_ros.arms.piece import ArmSegment, RegressionRows
 from signlin_ros.effects import find_effect
 from signlin_ros.par import as_law_sees
 from signlin_ros.robots import Robot, inverse_dynamics
 from signlin_ros.robots.inertia import TEN, moved
 
 Array = NDArray[np.float64]
-POINTS = 6
+SHAPE_VALUES = 6
 """Values of a parameter that does not enter linearly, of which each is tried."""
-NARROW, WIDE = 0.01, 0.5
+NARROW, MAX_SHAPE_SHARE = 0.01, 0.5
 """The smallest and the largest of them, as a part of the joint's largest velocity."""
 
 
 @dataclass(frozen=True)
-class Law:
+class JointLaw:
     """An effect as what is added to a joint: the parameter that enters linearly, one that does not, and its kin.
 
     ``base`` is the effect that it contains, whose place it takes; ``positive``: of one sign only; ``loaded``: it
@@ -43,13 +43,17 @@ class Law:
     loaded: bool = False
 
 
-BASIC = (Law("viscous_friction", "b"), Law("coulomb_friction", "mu"), Law("constant_load", "F0", positive=False))
+BASIC = (
+    JointLaw("viscous_friction", "b"),
+    JointLaw("coulomb_friction", "mu"),
+    JointLaw("constant_load", "F0", positive=False),
+)
 """What everybody puts in each joint, beside its motor's inertia."""
 EXTRA = (
-    Law("stribeck_friction", "excess", "v_s", base="coulomb_friction"),
-    Law("cubic_viscous_friction", "b3", base="viscous_friction", positive=False),
-    Law("asymmetric_viscous_friction", "b_p", base="viscous_friction", positive=False),
-    Law("load_dependent_friction", "kappa_e", loaded=True),
+    JointLaw("stribeck_friction", "excess", "v_s", base="coulomb_friction"),
+    JointLaw("cubic_viscous_friction", "b3", base="viscous_friction", positive=False),
+    JointLaw("asymmetric_viscous_friction", "b_p", base="viscous_friction", positive=False),
+    JointLaw("load_dependent_friction", "kappa_e", loaded=True),
 )
 """What may be missing beyond that."""
 
@@ -61,7 +65,7 @@ class Loads:
         self.robot, self.pi = robot, pi
         self._known: dict[int, Array] = {}
 
-    def of(self, piece: Piece) -> Array:
+    def of(self, piece: ArmSegment) -> Array:
         """Return forces and torques of the rigid body (T, K) where effects act."""
         if id(piece) not in self._known:
             found = inverse_dynamics(self.robot, piece.q, piece.v, piece.a, self.pi)
@@ -72,7 +76,7 @@ class Loads:
 
 
 @dataclass
-class _Motor:
+class _MotorLaw:
     """What an effect sees of a joint's motor at T samples."""
 
     position: Array
@@ -81,18 +85,18 @@ class _Motor:
     drive_force: Array
 
 
-def force(effect: str, values: Mapping[str, Any], piece: Piece, i: int, load: Array) -> Array:
+def force(effect: str, values: Mapping[str, Any], piece: ArmSegment, i: int, load: Array) -> Array:
     """Return the force (T,) of an effect on the motor i."""
     found = find_effect(effect, "effects")
     pars = as_law_sees(found.pars(), {**dict.fromkeys(found.pars(), 0.0), **values})
     velocity = piece.signs[i].velocity
-    motor = _Motor(piece.angle[:, i], velocity, -load[:, i], load[:, i])
+    motor = _MotorLaw(piece.angle[:, i], velocity, -load[:, i], load[:, i])
     with np.errstate(all="ignore"):
         out = found().force(piece.signs[i], motor, pars)
     return np.asarray(np.broadcast_to(out, velocity.shape), dtype=float)
 
 
-def column(law: Law, shape: float, rows: Rows, i: int, loads: Loads) -> Array:
+def column(law: JointLaw, shape: float, rows: RegressionRows, i: int, loads: Loads) -> Array:
     """Return the effort (N, 1) that one unit of a law needs: minus its force."""
     values: dict[str, float] = {law.linear: 1.0}
     if law.shape:
@@ -108,19 +112,19 @@ def column(law: Law, shape: float, rows: Rows, i: int, loads: Loads) -> Array:
     return rows.known[kept]
 
 
-def shapes(law: Law, rows: Rows, i: int) -> list[float]:
+def shapes(law: JointLaw, rows: RegressionRows, i: int) -> list[float]:
     """Return the values of a law's other parameter that are tried."""
     if not law.shape:
         return [0.0]
     fastest = max(float(np.percentile(np.abs(p.speed[:, i]), 99)) for p in rows.pieces)
     noise = max(float(p.noise[i]) for p in rows.pieces)
     values: list[float] = np.geomspace(
-        max(NARROW * fastest, 3.0 * noise), max(WIDE * fastest, 6.0 * noise), POINTS
+        max(NARROW * fastest, 3.0 * noise), max(MAX_SHAPE_SHARE * fastest, 6.0 * noise), SHAPE_VALUES
     ).tolist()
     return values
 
 
-def motor_inertia(rows: Rows, i: int) -> Array:
+def motor_inertia(rows: RegressionRows, i: int) -> Array:
     """Return the effort (N, 1) that one unit of a motor's inertia needs."""
     kept = ("motor_inertia", i)
     if kept not in rows.known:
@@ -131,14 +135,14 @@ def motor_inertia(rows: Rows, i: int) -> Array:
 # ---------------------------------------------------------------- laws of the robot
 
 
-def payload(rows: Rows, joint: int, R: Array, t: Array, size: int = 4) -> Array:
+def payload(rows: RegressionRows, joint: int, R: Array, t: Array, size: int = 4) -> Array:
     """Return the effort (N, size) that a body on a link needs, by mass and first moments in the link's frame."""
     units = np.stack([moved(unit, R, t) for unit in np.eye(TEN)[:size]], axis=1)
     part = slice(TEN * joint, TEN * (joint + 1))
     return rows.Y[:, part] @ units
 
 
-def gain(rows: Rows, i: int, drives: Sequence[Array]) -> Array:
+def gain(rows: RegressionRows, i: int, drives: Sequence[Array]) -> Array:
     """Return the effort (N, 1) that a gain of joint i off by one would add: what its motor exerts by the model."""
     found = []
     for piece, drive in zip(rows.pieces, drives, strict=True):
@@ -147,14 +151,14 @@ def gain(rows: Rows, i: int, drives: Sequence[Array]) -> Array:
     return np.concatenate(found)[:, None]
 
 
-def compliance(rows: Rows, i: int, loads: Loads) -> Array:
+def compliance(rows: RegressionRows, i: int, loads: Loads) -> Array:
     """Return the effort (N, 1) that a unit of compliance (rad per N·m) behind the motor of joint i needs.
 
     The link lags behind its motor by load times compliance; the derivative of the inverse dynamics along that.
     """
     robot, pi = loads.robot, loads.pi
 
-    def of(piece: Piece) -> Array:
+    def of(piece: ArmSegment) -> Array:
         bend = inverse_dynamics(robot, piece.q, piece.v, piece.a, pi)[:, i]
         step = 1e-3 / max(float(np.abs(bend).max()), 1e-9)
         rate = np.gradient(bend, piece.step)
@@ -167,14 +171,14 @@ def compliance(rows: Rows, i: int, loads: Loads) -> Array:
     return rows.whole(of)
 
 
-def tilt(rows: Rows, loads: Loads) -> Array:
+def tilt(rows: RegressionRows, loads: Loads) -> Array:
     """Return the effort (N, 2) that a base tilted by one rad about x and about y would add."""
     robot, pi = loads.robot, loads.pi
     g = robot.gravity
     down = float(np.linalg.norm(g)) or 1.0
     across = np.linalg.svd(g[None, :] / down)[2][1:]
 
-    def of(piece: Piece) -> Array:
+    def of(piece: ArmSegment) -> Array:
         columns = []
         for direction in across:
             rest = np.zeros_like(piece.q)
@@ -188,7 +192,7 @@ def tilt(rows: Rows, loads: Loads) -> Array:
 __all__ = [
     "BASIC",
     "EXTRA",
-    "Law",
+    "JointLaw",
     "Loads",
     "column",
     "compliance",

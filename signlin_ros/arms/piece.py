@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
-from signlin_ros.arms.data import Run
+from signlin_ros.arms.data import ArmRun
 from signlin_ros.filters import low_pass, sensor_noise, slope
 from signlin_ros.mathops import NumpyMath
 from signlin_ros.robots import Robot, regressor
 
 Array = NDArray[np.float64]
-STILL = 3.0
+STANDSTILL_OVER_NOISE = 3.0
 """Times its noise below which a velocity is standstill; the sign of less is not known."""
 CRAWL = 0.004
 """The same as a part of the largest velocity."""
@@ -28,17 +28,17 @@ STUCK = 0.15
 """Share of the filter's window at standstill from which on a row is left out."""
 EDGE = 1.2
 """Periods of the cut-off that are left out at both ends."""
-PER_PERIOD = 2.5
+ROWS_PER_PERIOD = 2.5
 """Rows per period of the cut-off: more would repeat each other."""
-OVER = 12.0
+BODY_SAMPLES_PER_PERIOD = 12.0
 """Samples per period of the cut-off at which the rigid body is worked out; motion is slower by far."""
 BLOCK = 0.5
 """Seconds of a block of rows whose errors may be correlated, at least; two periods of the cut-off, too."""
-SHARE, WIDER, LOWEST, OF_RATE = 0.999, 4.0, 3.0, 12.0
+BAND_POWER_SHARE, BAND_RATIO, LOWEST, OF_RATE = 0.999, 4.0, 3.0, 12.0
 """The band: so much of every velocity's power, so many times wider, at least this many Hz, and a part of the rate."""
 
 
-def chosen_band(runs: Sequence[Run]) -> float:
+def chosen_band(runs: Sequence[ArmRun]) -> float:
     """Return a cut-off in Hz that leaves the motion and the jumps of its friction, and most noise out."""
     found = []
     for run in runs:
@@ -46,8 +46,8 @@ def chosen_band(runs: Sequence[Run]) -> float:
         v = np.gradient(run.q, run.step, axis=0) if run.v is None else run.v
         f, power = welch(v, rate, nperseg=min(len(run), int(8 * rate)), axis=0)
         share = np.cumsum(power, axis=0) / np.maximum(power.sum(axis=0), 1e-300)
-        highest = max(float(f[np.argmax(column >= SHARE)]) for column in share.T)
-        found.append(float(np.clip(WIDER * highest, min(LOWEST, rate / OF_RATE), rate / OF_RATE)))
+        highest = max(float(f[np.argmax(column >= BAND_POWER_SHARE)]) for column in share.T)
+        found.append(float(np.clip(BAND_RATIO * highest, min(LOWEST, rate / OF_RATE), rate / OF_RATE)))
     return float(f"{min(found):.2g}")
 
 
@@ -63,13 +63,13 @@ class SoftSigns(NumpyMath):
         return np.clip(g / self._width, -1.0, 1.0) if g is self.velocity else np.sign(g)
 
 
-class Piece:
+class ArmSegment:
     """One run, filtered: q, v, a (T, n) of the joints at times ``step`` s apart, ``speed`` (T, K) where effects act.
 
     ``motors`` (K, n): first the n motors from the joints, then the joints that a coupling has parted from their motors.
     """
 
-    def __init__(self, robot: Robot, motors: Array, run: Run, band: float) -> None:
+    def __init__(self, robot: Robot, motors: Array, run: ArmRun, band: float) -> None:
         self.robot, self.run = robot, run
         rate = 1.0 / run.step
         self.band = band
@@ -84,18 +84,18 @@ class Piece:
             noise = _noise(run.v) * passed
         self.a = _slopes(self.v, run.step)
         edge = min(int(EDGE / band * rate) + 1, len(run) // 4)
-        every = max(1, int(rate / (OVER * band)))
+        every = max(1, int(rate / (BODY_SAMPLES_PER_PERIOD * band)))
         self.step = every * run.step
         self.q, self.v, self.a = self.q[::every], self.v[::every], self.a[::every]
         self._joint_noise = noise
         self._place(motors)
-        first, last, apart = -(-edge // every), (len(run) - edge) // every, rate / every / (PER_PERIOD * band)
+        first, last, apart = -(-edge // every), (len(run) - edge) // every, rate / every / (ROWS_PER_PERIOD * band)
         self.index = np.arange(first, max(last, first + 1), max(1, int(apart)))
         self.moving = self._moving(band)
         self.tau = low_pass(run.tau, band, run.step)[self.index * every]
         self.block = (self.index * self.step / max(BLOCK, 2.0 / band)).astype(int)
 
-    def coupled(self, motors: Array) -> Piece:
+    def coupled(self, motors: Array) -> ArmSegment:
         """Return the piece with other motors; which rows count stays as it is."""
         other = copy(self)
         other._place(motors)
@@ -109,7 +109,7 @@ class Piece:
 
     def _moving(self, band: float) -> NDArray[np.bool_]:
         """Return which rows of which joint count (rows, n): no motor that acts on it stands still."""
-        slow = np.maximum(STILL * self.noise, CRAWL * np.abs(self.speed).max(axis=0))
+        slow = np.maximum(STANDSTILL_OVER_NOISE * self.noise, CRAWL * np.abs(self.speed).max(axis=0))
         stuck = low_pass((np.abs(self.speed) < slow).astype(float), band, self.step)[self.index] > STUCK
         return np.asarray(~((stuck.astype(float) @ (self.motors != 0.0)) > 0.0))
 
@@ -126,13 +126,13 @@ def _noise(values: Array) -> Array:
     return np.array([sensor_noise(column) for column in values.T])
 
 
-class Rows:
+class RegressionRows:
     """Rows of all joints of several pieces, joint after joint in each: ``joint``, ``block``, the effort ``y`` (N,).
 
     ``Y`` (N, 10 n) is the regressor of the rigid body; ``known`` keeps columns that do not depend on the model.
     """
 
-    def __init__(self, pieces: Sequence[Piece]) -> None:
+    def __init__(self, pieces: Sequence[ArmSegment]) -> None:
         self.pieces = list(pieces)
         self.known: dict[tuple[object, ...], Array] = {}
         self.robot, self.n = pieces[0].robot, pieces[0].robot.n
@@ -150,13 +150,13 @@ class Rows:
     def __len__(self) -> int:
         return int(self.y.size)
 
-    def coupled(self, motors: Array) -> Rows:
+    def coupled(self, motors: Array) -> RegressionRows:
         """Return the same rows with other motors."""
         other = copy(self)
         other.pieces, other.known = [piece.coupled(motors) for piece in self.pieces], {}
         return other
 
-    def whole(self, of: Callable[[Piece], Array]) -> Array:
+    def whole(self, of: Callable[[ArmSegment], Array]) -> Array:
         """Return rows (N, k) of what a function says of all joints (T, n, k)."""
         found = []
         for piece in self.pieces:
@@ -164,7 +164,7 @@ class Rows:
             found += [values[piece.moving[:, i], i] for i in range(self.n)]
         return np.concatenate(found)
 
-    def motor(self, i: int, of: Callable[[Piece], Array]) -> Array:
+    def motor(self, i: int, of: Callable[[ArmSegment], Array]) -> Array:
         """Return rows (N,) of what a function says of the motor i (T,): it acts on the joints that it moves."""
         found = []
         for piece in self.pieces:
@@ -185,4 +185,4 @@ class Rows:
         return np.bincount(self.joint, minlength=self.n)
 
 
-__all__ = ["Piece", "Rows", "SoftSigns", "chosen_band"]
+__all__ = ["ArmSegment", "RegressionRows", "SoftSigns", "chosen_band"]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.arms.consistent import consistent
-from signlin_ros.arms.fit import Estimate
+from signlin_ros.arms.fit import CoefficientEstimate
 from signlin_ros.arms.search import Key, State
 from signlin_ros.arms.study import Study
 from signlin_ros.effects import find_effect
@@ -30,7 +30,7 @@ class Proposal:
     urdf: str
 
 
-def proposal(study: Study, state: State, estimate: Estimate) -> Proposal:
+def proposal(study: Study, state: State, estimate: CoefficientEstimate) -> Proposal:
     """Return the model that an estimate says, the robot's bodies made consistent where the file asks for that."""
     model, robot = study.model, study.robot
     carried = np.asarray(study.carried, dtype=float)
@@ -152,7 +152,7 @@ def _allowed(effect: str, values: dict[str, float]) -> dict[str, float]:
     return {name: pars[name].nearest(value) for name, value in values.items()}
 
 
-def basic_of(study: Study, estimate: Estimate, i: int, names: Sequence[str]) -> dict[str, float]:
+def basic_of(study: Study, estimate: CoefficientEstimate, i: int, names: Sequence[str]) -> dict[str, float]:
     """Return viscous and Coulomb friction, offset and motor's inertia of a joint, as its own velocity sees them.
 
     Viscous friction of a motor that turns with this joint, too, counts with it.

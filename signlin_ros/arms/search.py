@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
-from signlin_ros.arms.fit import Design, Estimate, blocks, fit, rigid
+from signlin_ros.arms.fit import CoefficientEstimate, FitDesign, blocks, fit, rigid
 from signlin_ros.arms.laws import (
     BASIC,
     EXTRA,
-    Law,
+    JointLaw,
     Loads,
     column,
     compliance,
@@ -29,28 +29,28 @@ from signlin_ros.arms.laws import (
     shapes,
     tilt,
 )
-from signlin_ros.arms.piece import Rows
+from signlin_ros.arms.piece import RegressionRows
 from signlin_ros.robots import Robot
 from signlin_ros.robots.inertia import TEN, moved
 
 Array = NDArray[np.float64]
 DOUBT = 1e-4
 """Probability of a law that is not there, over all that are tried."""
-FLOOR = 4.0
+MIN_COEFFICIENT_ERRORS = 4.0
 """Standard errors that a coefficient needs, at least."""
-AGAIN = 2.5
+MIN_VALIDATION_ERRORS = 2.5
 """Standard errors, of the same sign, on unseen rows alone."""
-WORTH = 0.05
+MIN_VALIDATION_SHARE = 0.05
 """Part of the squares of a joint's unseen rows that a law must take away."""
 TIE = 0.75
 """Part of the best law's worth from which on another one is as good."""
-MOST = 8
+MAX_LAWS_FITTED = 8
 """Laws that are fitted in earnest in a round."""
-SHARE = 1e-4
+MIN_NEW_SHARE = 1e-4
 """Part of a column that must be new beside what is fitted already."""
 GIVEN = 0.3
 """Relative error of a motor's inertia that the file gives."""
-ROUNDS = 12
+MAX_LAWS_ADDED = 12
 """Laws that are added, at most."""
 
 
@@ -68,7 +68,7 @@ class Key:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class SearchResult:
     """A law that stands: its columns, coefficients with standard errors, unseen RMS (n,) before and after, rivals."""
 
     key: Key
@@ -86,23 +86,23 @@ class State:
     """Where a search stands: the rows, the design, its estimate, and the robot's loads under it."""
 
     robot: Robot
-    rows: Rows
-    new: Rows
+    rows: RegressionRows
+    new: RegressionRows
     tolerance: float
-    basic: tuple[tuple[int, Law], ...]
+    basic: tuple[tuple[int, JointLaw], ...]
     inertias: Array
     payload_at: tuple[int, Array, Array] | None
     barred: frozenset[int] = frozenset()
     carried: Array | float = 0.0
     tilts: bool = True
-    terms: list[tuple[Key, Law | None]] = field(default_factory=list)
-    found: list[Found] = field(default_factory=list)
+    terms: list[tuple[Key, JointLaw | None]] = field(default_factory=list)
+    found: list[SearchResult] = field(default_factory=list)
 
-    def loads(self, estimate: Estimate | None) -> Loads:
+    def loads(self, estimate: CoefficientEstimate | None) -> Loads:
         """Return the loads of the rigid body as it is estimated, else as it is given."""
         return Loads(self.robot, self.robot.pi + self.carried if estimate is None else self.body(estimate))
 
-    def body(self, estimate: Estimate) -> Array:
+    def body(self, estimate: CoefficientEstimate) -> Array:
         """Return the inertial parameters (10 n,), a payload that was found on them."""
         pi: Array = estimate.pi.copy()
         if "payload.m" in estimate.design.names and self.payload_at is not None:
@@ -112,7 +112,7 @@ class State:
             pi[TEN * joint : TEN * (joint + 1)] += moved(own, R, t)
         return pi
 
-    def design(self, loads: Loads) -> Design:
+    def design(self, loads: Loads) -> FitDesign:
         """Return the design of all that is in the model so far."""
         found = rigid(self.robot, self.tolerance, self.rows, self.new, self.carried)
         for i, law in self.basic:
@@ -128,11 +128,11 @@ class State:
         return found
 
     @property
-    def both(self) -> tuple[Rows, Rows]:
+    def both(self) -> tuple[RegressionRows, RegressionRows]:
         """The rows of the fit, and the unseen ones."""
         return self.rows, self.new
 
-    def columns(self, key: Key, law: Law | None, loads: Loads) -> tuple[Array, Array]:
+    def columns(self, key: Key, law: JointLaw | None, loads: Loads) -> tuple[Array, Array]:
         """Return the columns of a law on both kinds of rows."""
         if law is not None:
             return column(law, key.shape, self.rows, key.at, loads), column(law, key.shape, self.new, key.at, loads)
@@ -149,7 +149,7 @@ class State:
         """Return what the model says the rigid body needs, for the gain of a joint; its friction scales along."""
         return [[loads.of(p)[:, : self.robot.n] @ p.motors[: self.robot.n] for p in r.pieces] for r in self.both]
 
-    def candidates(self, estimate: Estimate) -> Iterator[tuple[Key, Law | None]]:
+    def candidates(self, estimate: CoefficientEstimate) -> Iterator[tuple[Key, JointLaw | None]]:
         """Yield every law that may be missing."""
         taken = [key for key, _ in self.terms]
         for i in range(self.robot.n):
@@ -183,26 +183,26 @@ class _Promise:
 
     fall: float
     key: Key
-    law: Law | None
+    law: JointLaw | None
     known: Array
     unseen: Array
 
 
-def search(state: State, progress: Callable[[str], None] = lambda _: None) -> Estimate:
+def search(state: State, progress: Callable[[str], None] = lambda _: None) -> CoefficientEstimate:
     """Add laws to a state until none stands; return the last estimate."""
     estimate = settled(state)
-    for _ in range(ROUNDS):
+    for _ in range(MAX_LAWS_ADDED):
         found = _best(state, estimate)
         if found is None:
             return estimate
         state.found.append(found[0])
         state.terms.append((found[0].key, found[1]))
-        progress(f"{names_of(found[0].key)[0]}: unseen errors fall")
+        progress(f"{names_of(found[0].key)[0]}: validation errors fall")
         estimate = settled(state, estimate)
     return estimate
 
 
-def settled(state: State, estimate: Estimate | None = None) -> Estimate:
+def settled(state: State, estimate: CoefficientEstimate | None = None) -> CoefficientEstimate:
     """Return the fit of all that is in the model, the loads of its friction being its own."""
     for _ in range(2):
         estimate = fit(state.design(state.loads(estimate)), state.rows, state.new)
@@ -211,7 +211,7 @@ def settled(state: State, estimate: Estimate | None = None) -> Estimate:
     return estimate  # type: ignore[return-value]
 
 
-def _best(state: State, estimate: Estimate) -> tuple[Found, Law | None] | None:
+def _best(state: State, estimate: CoefficientEstimate) -> tuple[SearchResult, JointLaw | None] | None:
     """Return the law that unseen rows gain most from, of those that stand."""
     fixed = fit(estimate.design, state.rows, state.new, estimate.weights)
     promises, tried = _promises(state, fixed)
@@ -224,7 +224,7 @@ def _best(state: State, estimate: Estimate) -> tuple[Found, Law | None] | None:
     return replace(first, rivals=rivals), law
 
 
-def _promises(state: State, estimate: Estimate) -> tuple[list[_Promise], int]:
+def _promises(state: State, estimate: CoefficientEstimate) -> tuple[list[_Promise], int]:
     """Return the laws that promise most, the best shape of each, and how many were tried."""
     w = estimate.weights[state.rows.joint]
     X, r, inner = estimate.design.known * w[:, None], estimate.residual * w, estimate.inverse()
@@ -238,16 +238,18 @@ def _promises(state: State, estimate: Estimate) -> tuple[list[_Promise], int]:
             continue
         P = X.T @ C
         S = C.T @ C - P.T @ inner @ P
-        if key.law != "payload" and (np.diag(S) < SHARE * np.sum(C**2, axis=0)).any():
+        if key.law != "payload" and (np.diag(S) < MIN_NEW_SHARE * np.sum(C**2, axis=0)).any():
             continue
         d = C.T @ r
         fall = float(d @ np.linalg.lstsq(S, d, rcond=1e-8)[0])
         if (key.law, key.at) not in best or fall > best[key.law, key.at].fall:
             best[key.law, key.at] = _Promise(fall, key, law, known, unseen)
-    return sorted(best.values(), key=lambda p: -p.fall)[:MOST], tried
+    return sorted(best.values(), key=lambda p: -p.fall)[:MAX_LAWS_FITTED], tried
 
 
-def _stands(state: State, estimate: Estimate, promise: _Promise, tried: int) -> tuple[Found, Law | None] | None:
+def _stands(
+    state: State, estimate: CoefficientEstimate, promise: _Promise, tried: int
+) -> tuple[SearchResult, JointLaw | None] | None:
     """Return a law if it is sure, and worth it on unseen rows; None else."""
     names, count = names_of(promise.key), promise.known.shape[1]
     design = estimate.design.plus(names, promise.known, promise.unseen)
@@ -261,7 +263,7 @@ def _stands(state: State, estimate: Estimate, promise: _Promise, tried: int) -> 
     with np.errstate(invalid="ignore", divide="ignore"):
         fall = 1.0 - (after / before) ** 2
         worth = float(np.nansum(np.log(before) - np.log(after)))
-    needed = max(FLOOR, float(norm.isf(DOUBT / max(tried, 1) / 2)))
+    needed = max(MIN_COEFFICIENT_ERRORS, float(norm.isf(DOUBT / max(tried, 1) / 2)))
     sure = float(np.abs(values / np.maximum(errors, 1e-300)).max()) >= needed
     if key.law == "payload":
         if not (sure and _relieved(estimate, trial, count) and worth > -0.01 * state.robot.n):
@@ -269,21 +271,21 @@ def _stands(state: State, estimate: Estimate, promise: _Promise, tried: int) -> 
         worth = max(worth, _drop(estimate, trial) / max(len(state.rows), 1))
     else:
         visible = np.nanmax(fall) if key.at < 0 or key.law == "compliant_load" else fall[key.at]
-        if not (sure and visible > WORTH and worth > 0.0 and _again(state, trial, values, names)):
+        if not (sure and visible > MIN_VALIDATION_SHARE and worth > 0.0 and _again(state, trial, values, names)):
             return None
-    return Found(key, names, values, errors, before, after, worth), law
+    return SearchResult(key, names, values, errors, before, after, worth), law
 
 
-def _again(state: State, trial: Estimate, values: Array, names: Sequence[str]) -> bool:
+def _again(state: State, trial: CoefficientEstimate, values: Array, names: Sequence[str]) -> bool:
     """Tell whether unseen rows by themselves say the same of a law."""
     other = fit(trial.design.swapped(), state.new, state.rows, trial.weights)
     at = [trial.design.at(name) for name in names]
     ratio = other.theta[at] / np.maximum(other.errors()[at], 1e-300)
     largest = int(np.argmax(np.abs(values)))
-    return bool(ratio[largest] * np.sign(values[largest]) >= AGAIN)
+    return bool(ratio[largest] * np.sign(values[largest]) >= MIN_VALIDATION_ERRORS)
 
 
-def _drop(estimate: Estimate, trial: Estimate) -> float:
+def _drop(estimate: CoefficientEstimate, trial: CoefficientEstimate) -> float:
     """Return by how much twice the objective falls, in units of what chance would make of it."""
     w = estimate.weights[estimate.rows.joint]
     r = (trial.residual * w)[:, None]
@@ -291,11 +293,11 @@ def _drop(estimate: Estimate, trial: Estimate) -> float:
     return 2.0 * (estimate.objective - trial.objective) / max(over, 1.0)
 
 
-def _relieved(estimate: Estimate, trial: Estimate, count: int) -> bool:
+def _relieved(estimate: CoefficientEstimate, trial: CoefficientEstimate, count: int) -> bool:
     """Tell whether a payload is what the inertial parameters were bent for: the squares and the distances from their
     priors together fall beyond doubt.
     """
     return _drop(estimate, trial) > float(chi2.isf(DOUBT, count)) and trial.tension < estimate.tension
 
 
-__all__ = ["BASIC", "Found", "Key", "State", "names_of", "search", "settled"]
+__all__ = ["BASIC", "Key", "SearchResult", "State", "names_of", "search", "settled"]

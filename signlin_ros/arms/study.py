@@ -8,10 +8,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.arms.data import Run
-from signlin_ros.arms.fit import Estimate, fit, rigid
-from signlin_ros.arms.laws import BASIC, Law, force
-from signlin_ros.arms.piece import Piece, Rows, chosen_band
+from signlin_ros.arms.data import ArmRun
+from signlin_ros.arms.fit import CoefficientEstimate, fit, rigid
+from signlin_ros.arms.laws import BASIC, JointLaw, force
+from signlin_ros.arms.piece import ArmSegment, RegressionRows, chosen_band
 from signlin_ros.arms.search import State
 from signlin_ros.effects import find_effect
 from signlin_ros.errors import InputError
@@ -24,9 +24,9 @@ from signlin_ros.robots.inertia import TEN, about_centre, moved
 Array = NDArray[np.float64]
 LINK_SIDE = "its effort is measured on the link's side of the gear: most friction is not in this torque"
 """What is said of a joint of which nothing but the rigid body is told."""
-COARSE = 0.1
+MAX_STEP_SHARE = 0.1
 """Part of an effort's spread from which on its steps are too coarse to tell friction from."""
-FEW = 30
+MIN_JOINT_ROWS = 30
 """Rows that a joint needs."""
 TURNED = 0.05
 """Range (rad, m) of a joint that did not move."""
@@ -40,10 +40,10 @@ class Study:
     """
 
     model: ArmModel
-    runs: tuple[Sequence[Run], Sequence[Run]]
+    runs: tuple[Sequence[ArmRun], Sequence[ArmRun]]
     band: float
-    rows: Rows
-    new: Rows
+    rows: RegressionRows
+    new: RegressionRows
     barred: dict[int, str] = field(default_factory=dict)
     link_side: dict[int, str] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
@@ -103,21 +103,21 @@ class Study:
 
     # ---------------------------------------------------------------- how good
 
-    def as_given(self, rows: Rows) -> Array:
+    def as_given(self, rows: RegressionRows) -> Array:
         """Return what the rigid body of the file leaves (n,), RMS."""
         return rows.by_joint(rows.y - rows.Y @ self.model.robot.pi)
 
-    def rigid(self) -> Estimate:
+    def rigid(self) -> CoefficientEstimate:
         """Return the rigid body refitted alone, near the URDF."""
         design = rigid(self.robot, self.model.arm.tolerance, self.rows, self.new, self.carried)
         return fit(design, self.rows, self.new)
 
-    def left(self, model: ArmModel, rows: Rows) -> Array:
+    def left(self, model: ArmModel, rows: RegressionRows) -> Array:
         """Return what a model leaves of the effort (N,), nothing of it fitted."""
         return np.asarray(rows.y - predicted(model, rows))
 
 
-def study(model: ArmModel, known: Sequence[Run], unseen: Sequence[Run], band: float | None = None) -> Study:
+def study(model: ArmModel, known: Sequence[ArmRun], unseen: Sequence[ArmRun], band: float | None = None) -> Study:
     """Return a study of a model and its records in a band (Hz), chosen by the motion where none is given."""
     if band is None:
         band = chosen_band([*known, *unseen])
@@ -132,8 +132,8 @@ def study(model: ArmModel, known: Sequence[Run], unseen: Sequence[Run], band: fl
     return found
 
 
-def _rows(robot: Robot, motors: Array, runs: Sequence[Run], band: float) -> Rows:
-    return Rows([Piece(robot, places(motors), run, band) for run in runs])
+def _rows(robot: Robot, motors: Array, runs: Sequence[ArmRun], band: float) -> RegressionRows:
+    return RegressionRows([ArmSegment(robot, places(motors), run, band) for run in runs])
 
 
 def check_static(model: ArmModel) -> None:
@@ -151,9 +151,9 @@ def _look(study: Study) -> None:
         q = np.concatenate([run.q[:, i] for run in study.runs[0]])
         quantum, unit = max(float(run.steps[i]) for run in study.runs[0]), study.robot.joints[i].effort_unit
         spread = float(np.std(tau))
-        if np.ptp(q) < TURNED or study.rows.counts[i] < FEW or study.new.counts[i] < FEW:
+        if np.ptp(q) < TURNED or study.rows.counts[i] < MIN_JOINT_ROWS or study.new.counts[i] < MIN_JOINT_ROWS:
             study.barred[i] = "it hardly moves: too few samples in motion to tell anything of it"
-        elif quantum > COARSE * spread:
+        elif quantum > MAX_STEP_SHARE * spread:
             study.barred[i] = (
                 f"its effort comes in steps of {quantum:.2g} {unit}, its spread is {spread:.2g} {unit}: refused"
             )
@@ -170,12 +170,12 @@ def unseen_noise(study: Study) -> Array:
     return np.array(found)
 
 
-def predicted(model: ArmModel, rows: Rows) -> Array:
+def predicted(model: ArmModel, rows: RegressionRows) -> Array:
     """Return the effort (N,) that a model needs for the motion of some rows: rigid body, motors, effects."""
     plant, robot = model.arm_plant, model.robot
     inertias = np.array([model.parameters[f"{name}.{MOTOR_INERTIA}"] for name in robot.names])
 
-    def of(piece: Piece) -> Array:
+    def of(piece: ArmSegment) -> Array:
         body = inverse_dynamics(robot, piece.q, piece.v, piece.a)
         n, P = robot.n, plant.places
         parted = [int(np.flatnonzero(row)[0]) for row in P[n:]]
@@ -201,4 +201,4 @@ def body_of(payload: tuple[float, Array], place: tuple[int, Array, Array], n: in
     return found
 
 
-__all__ = ["Law", "Study", "body_of", "check_static", "predicted", "study", "unseen_noise"]
+__all__ = ["JointLaw", "Study", "body_of", "check_static", "predicted", "study", "unseen_noise"]

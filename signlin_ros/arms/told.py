@@ -8,21 +8,21 @@ from typing import Any
 import numpy as np
 
 from signlin_ros.arms.proposal import basic_of
-from signlin_ros.arms.search import Found, Key
+from signlin_ros.arms.search import Key, SearchResult
 from signlin_ros.arms.study import Study, unseen_noise
-from signlin_ros.arms.verbs import Comparison, Diagnosis, Missing
+from signlin_ros.arms.verbs import ArmComparison, ArmDiagnosis, MissingLaw
 from signlin_ros.effects import find_effect
 from signlin_ros.plants.joint import joint_plant
 from signlin_ros.recording.trace import resolve_unit
 
-LITTLE = 0.05
+MAX_LITTLE_SHARE = 0.05
 """Part of its effort from which on what a joint leaves is more than little."""
-NOISE = 2.0
+MAX_NOISE_RATIO = 2.0
 """Times its noise up to which what a joint leaves may be that."""
 _LINEAR = {"stribeck_friction": "excess", "cubic_viscous_friction": "b3", "load_dependent_friction": "kappa_e"}
 
 
-def compared_json(comparison: Comparison, source: str, data: list[str]) -> dict[str, Any]:
+def compared_json(comparison: ArmComparison, source: str, data: list[str]) -> dict[str, Any]:
     """Return what `compare` says, as schemas/arm_compare.json has it."""
     study = comparison.study
     return {
@@ -38,7 +38,7 @@ def compared_json(comparison: Comparison, source: str, data: list[str]) -> dict[
     }
 
 
-def diagnosed_json(diagnosis: Diagnosis, text: str, source: str, data: list[str]) -> dict[str, Any]:
+def diagnosed_json(diagnosis: ArmDiagnosis, text: str, source: str, data: list[str]) -> dict[str, Any]:
     """Return what `diagnose`, `add` and `refine` say, as schemas/arm_diagnose.json has it."""
     study = diagnosis.comparison.study
     named = effects_named(diagnosis)
@@ -63,7 +63,7 @@ def diagnosed_json(diagnosis: Diagnosis, text: str, source: str, data: list[str]
     }
 
 
-def effects_named(diagnosis: Diagnosis) -> dict[int, list[str]]:
+def effects_named(diagnosis: ArmDiagnosis) -> dict[int, list[str]]:
     """Return the effects that are named in each joint."""
     named: dict[int, list[str]] = {}
     for missing in diagnosis.missing:
@@ -74,7 +74,7 @@ def effects_named(diagnosis: Diagnosis) -> dict[int, list[str]]:
     return named
 
 
-def verdict(diagnosis: Diagnosis) -> str:
+def verdict(diagnosis: ArmDiagnosis) -> str:
     """Return missing, adequate or unexplained."""
     if diagnosis.found or diagnosis.missing or diagnosis.couplings:
         return "missing"
@@ -84,18 +84,18 @@ def verdict(diagnosis: Diagnosis) -> str:
     return "unexplained" if any(_unexplained(diagnosis.comparison)) else "adequate"
 
 
-def _unexplained(comparison: Comparison) -> list[bool]:
+def _unexplained(comparison: ArmComparison) -> list[bool]:
     """Tell of each joint whether more than noise and little is left of unseen rows."""
     study, left = comparison.study, np.minimum(comparison.table.model, comparison.table.basic)
     efforts, noise = study.new.by_joint(study.new.y), unseen_noise(study)
-    more = (left > LITTLE * efforts) & (left > NOISE * noise)
+    more = (left > MAX_LITTLE_SHARE * efforts) & (left > MAX_NOISE_RATIO * noise)
     return [bool(m) and i not in study.barred and i not in study.link_side for i, m in enumerate(more)]
 
 
 # ---------------------------------------------------------------- pieces of JSON
 
 
-def _joints(comparison: Comparison, named: Mapping[int, list[str]]) -> dict[str, Any]:
+def _joints(comparison: ArmComparison, named: Mapping[int, list[str]]) -> dict[str, Any]:
     study, table = comparison.study, comparison.table
     efforts, noise = study.new.by_joint(study.new.y), unseen_noise(study)
     found = {}
@@ -144,7 +144,7 @@ def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _inverse(comparison: Comparison) -> dict[str, Any]:
+def _inverse(comparison: ArmComparison) -> dict[str, Any]:
     study, own = comparison.study, comparison.table.model
     efforts = study.new.by_joint(study.new.y)
     return {
@@ -162,7 +162,7 @@ def _known_couplings(study: Study) -> list[list[str]]:
     return [list(coupling.joints) for _, coupling in study.model.arm.couplings]
 
 
-def _tilt(diagnosis: Diagnosis) -> dict[str, Any]:
+def _tilt(diagnosis: ArmDiagnosis) -> dict[str, Any]:
     for found in diagnosis.found:
         if found.key.law == "tilt":
             pairs = zip(("x", "y"), found.values, found.errors, strict=True)
@@ -187,7 +187,7 @@ def name_of(study: Study, key: Key) -> str:
     return f"{study.names[key.at]}.{key.law}" if key.at >= 0 else key.law
 
 
-def _entry(study: Study, found: Found) -> dict[str, Any]:
+def _entry(study: Study, found: SearchResult) -> dict[str, Any]:
     rivals = [name_of(study, key) for key in found.rivals if key.at == found.key.at]
     return {
         "effect": name_of(study, found.key),
@@ -202,7 +202,7 @@ def _entry(study: Study, found: Found) -> dict[str, Any]:
     }
 
 
-def _left_out(study: Study, missing: Missing) -> dict[str, Any]:
+def _left_out(study: Study, missing: MissingLaw) -> dict[str, Any]:
     name, i = study.names[missing.joint], missing.joint
     unit = _unit(study, i, missing.effect, "mu" if missing.effect == "coulomb_friction" else "b")
     linear = "mu" if missing.effect == "coulomb_friction" else "b"
@@ -220,7 +220,7 @@ def _left_out(study: Study, missing: Missing) -> dict[str, Any]:
     }
 
 
-def parameters(study: Study, found: Found) -> dict[str, Any]:
+def parameters(study: Study, found: SearchResult) -> dict[str, Any]:
     """Return the parameters of a law with standard errors and units."""
     key, value, error = found.key, float(found.values[0]), float(found.errors[0])
     if key.law == "sensor_gain":
@@ -247,10 +247,10 @@ def _unit(study: Study, i: int, effect: str, name: str) -> str:
 
 def _fall(before: float, after: float, study: Study, i: int) -> str:
     unit = study.robot.joints[i].effort_unit
-    return f"unseen error {before:.3g} -> {after:.3g} {unit} ({study.band:g} Hz)"
+    return f"validation error {before:.3g} -> {after:.3g} {unit} ({study.band:g} Hz)"
 
 
-def sentence(study: Study, found: Found) -> str:
+def sentence(study: Study, found: SearchResult) -> str:
     """Return what a law is and what it is worth, as a sentence."""
     key, value = found.key, float(found.values[0])
     i = key.at if key.at >= 0 else int(np.nanargmax(np.log(found.before / found.after)))
@@ -280,7 +280,7 @@ def _range(study: Study) -> dict[str, list[float]]:
 # ---------------------------------------------------------------- sentences
 
 
-def sentences(diagnosis: Diagnosis) -> list[str]:
+def sentences(diagnosis: ArmDiagnosis) -> list[str]:
     """Return one sentence for each joint, and one for the robot."""
     study, table = diagnosis.comparison.study, diagnosis.comparison.table
     lines, left = [], _unexplained(diagnosis.comparison)
@@ -298,12 +298,12 @@ def sentences(diagnosis: Diagnosis) -> list[str]:
     return [*lines, f"robot: {_robot(diagnosis)}"]
 
 
-def _or(study: Study, found: Found) -> str:
+def _or(study: Study, found: SearchResult) -> str:
     rivals = [key.law.replace("_", " ") for key in found.rivals if key.at == found.key.at]
     return f" (or {', '.join(rivals)}: as good)" if rivals else ""
 
 
-def _robot(diagnosis: Diagnosis) -> str:
+def _robot(diagnosis: ArmDiagnosis) -> str:
     study = diagnosis.comparison.study
     said = [f"{a} and {b} are coupled: one motor turns with both" for a, b in diagnosis.couplings]
     said += [sentence(study, f) for f in diagnosis.found if f.key.at < 0]

@@ -9,11 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.arms.coupling import find_coupling
-from signlin_ros.arms.data import Run
-from signlin_ros.arms.fit import Design, Estimate, blocks, fit
+from signlin_ros.arms.data import ArmRun
+from signlin_ros.arms.fit import CoefficientEstimate, FitDesign, blocks, fit
 from signlin_ros.arms.laws import EXTRA
 from signlin_ros.arms.proposal import Proposal, proposal
-from signlin_ros.arms.search import AGAIN, FLOOR, WORTH, Found, Key, State, names_of, search, settled
+from signlin_ros.arms.search import (
+    MIN_COEFFICIENT_ERRORS,
+    MIN_VALIDATION_ERRORS,
+    MIN_VALIDATION_SHARE,
+    Key,
+    SearchResult,
+    State,
+    names_of,
+    search,
+    settled,
+)
 from signlin_ros.arms.study import LINK_SIDE, Study, study
 from signlin_ros.errors import ModelError, choices, suggest
 from signlin_ros.model.arm import ArmModel
@@ -27,7 +37,7 @@ of motors with gears is at least."""
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class JointTable:
     """RMS of what is left of unseen rows (n,): URDF as given, rigid body refitted, basic friction, model."""
 
     as_given: Array
@@ -37,17 +47,17 @@ class Table:
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class ArmComparison:
     """How good a model of an arm is; ``basic`` fitted to the rows of the fit, ``all_data`` to unseen ones, too."""
 
     study: Study
-    table: Table
-    basic: Estimate
-    all_data: Estimate
+    table: JointTable
+    basic: CoefficientEstimate
+    all_data: CoefficientEstimate
 
 
 @dataclass(frozen=True, eq=False)
-class Missing:
+class MissingLaw:
     """An effect of everybody's that the file leaves out of a joint: unseen RMS (n,) without it and with it."""
 
     joint: int
@@ -59,14 +69,14 @@ class Missing:
 
 
 @dataclass(frozen=True, eq=False)
-class Diagnosis:
+class ArmDiagnosis:
     """What is missing: laws, couplings, effects that the file leaves out, and the model that is proposed."""
 
-    comparison: Comparison
+    comparison: ArmComparison
     state: State
-    estimate: Estimate
-    found: tuple[Found, ...]
-    missing: tuple[Missing, ...]
+    estimate: CoefficientEstimate
+    found: tuple[SearchResult, ...]
+    missing: tuple[MissingLaw, ...]
     couplings: tuple[tuple[str, str], ...]
     proposal: Proposal
     payload: dict[str, tuple[float, float, str]] = field(default_factory=dict)
@@ -78,32 +88,36 @@ def _quiet(_: str) -> None:
 
 
 def compare(
-    model: ArmModel, known: Sequence[Run], unseen: Sequence[Run], band: float | None = None, progress: Progress = _quiet
-) -> Comparison:
+    model: ArmModel,
+    known: Sequence[ArmRun],
+    unseen: Sequence[ArmRun],
+    band: float | None = None,
+    progress: Progress = _quiet,
+) -> ArmComparison:
     """Return how good a model is on unseen rows, beside the rigid body and basic friction fitted to the others."""
     found = study(model, known, unseen, band)
     progress(f"band {found.band:g} Hz, {len(found.rows)} rows to fit, {len(found.new)} unseen")
     return _compared(found)
 
 
-def _compared(found: Study) -> Comparison:
+def _compared(found: Study) -> ArmComparison:
     state = found.state()
     basic, rigid = settled(state), found.rigid().rms
     _look_at_rotors(found, basic, rigid)
     as_given = found.as_given(found.new)
     own = found.new.by_joint(found.left(found.model, found.new))
-    table = Table(as_given, rigid, basic.rms, own)
-    return Comparison(found, table, basic, _all_data(found, basic))
+    table = JointTable(as_given, rigid, basic.rms, own)
+    return ArmComparison(found, table, basic, _all_data(found, basic))
 
 
-def _all_data(found: Study, basic: Estimate) -> Estimate:
+def _all_data(found: Study, basic: CoefficientEstimate) -> CoefficientEstimate:
     """Return basic friction fitted to all rows, unseen ones as well: the best numbers, not a test."""
     rows = type(found.rows)([*found.rows.pieces, *found.new.pieces])
     whole = replace(found, rows=rows, new=rows)
     return settled(whole.state()) if len(rows) else basic
 
 
-def _look_at_rotors(found: Study, basic: Estimate, rigid: Array) -> None:
+def _look_at_rotors(found: Study, basic: CoefficientEstimate, rigid: Array) -> None:
     """Note efforts in which neither the motors' inertias nor much friction is seen: they are of the link's side.
 
     That is a fact of the robot, so most joints must say so; a slow robot's motors are not seen either, its friction is.
@@ -124,8 +138,12 @@ def _look_at_rotors(found: Study, basic: Estimate, rigid: Array) -> None:
 
 
 def diagnose(
-    model: ArmModel, known: Sequence[Run], unseen: Sequence[Run], band: float | None = None, progress: Progress = _quiet
-) -> Diagnosis:
+    model: ArmModel,
+    known: Sequence[ArmRun],
+    unseen: Sequence[ArmRun],
+    band: float | None = None,
+    progress: Progress = _quiet,
+) -> ArmDiagnosis:
     """Return what a model of an arm lacks: couplings first, then laws of joints and of the robot, one by one."""
     comparison = compare(model, known, unseen, band, progress)
     found = comparison.study
@@ -153,11 +171,11 @@ def diagnose(
 def add(
     effect: str,
     model: ArmModel,
-    known: Sequence[Run],
-    unseen: Sequence[Run],
+    known: Sequence[ArmRun],
+    unseen: Sequence[ArmRun],
     band: float | None = None,
     progress: Progress = _quiet,
-) -> Diagnosis:
+) -> ArmDiagnosis:
     """Return a model with one more effect of a joint, fitted beside all the rest."""
     joint, _, name = effect.rpartition(".")
     if joint not in model.robot.names:
@@ -182,7 +200,7 @@ def add(
         at = estimate.design.at(f"{place}.{name}")
         one = slice(at, at + 1)
         state.found = [
-            Found(
+            SearchResult(
                 state.terms[0][0],
                 names_of(state.terms[0][0]),
                 estimate.theta[one],
@@ -198,12 +216,12 @@ def add(
 
 
 def _told(
-    comparison: Comparison,
+    comparison: ArmComparison,
     state: State,
-    estimate: Estimate,
-    missing: Sequence[Missing],
+    estimate: CoefficientEstimate,
+    missing: Sequence[MissingLaw],
     couplings: Sequence[tuple[str, str]],
-) -> Diagnosis:
+) -> ArmDiagnosis:
     found = comparison.study
     new = proposal(found, state, estimate)
     own = found.new.by_joint(found.left(new.model, found.new))
@@ -214,10 +232,10 @@ def _told(
             at = estimate.design.at(f"payload.{name}")
             payload[name] = (float(estimate.theta[at]), float(errors[at]), unit)
     compared = replace(comparison, table=replace(comparison.table, model=own))
-    return Diagnosis(compared, state, estimate, tuple(state.found), tuple(missing), tuple(couplings), new, payload)
+    return ArmDiagnosis(compared, state, estimate, tuple(state.found), tuple(missing), tuple(couplings), new, payload)
 
 
-def _left_out(found: Study, state: State, estimate: Estimate) -> list[Missing]:
+def _left_out(found: Study, state: State, estimate: CoefficientEstimate) -> list[MissingLaw]:
     """Return basic friction that the file leaves out of a joint whose effects it lists, where it is sure."""
     missing, errors = [], estimate.errors()
     fixed = fit(estimate.design, state.rows, state.new, estimate.weights)
@@ -236,9 +254,11 @@ def _left_out(found: Study, state: State, estimate: Estimate) -> list[Missing]:
             value, error = float(fixed.theta[at]), float(errors[at])
             without = fit(_apart(fixed.design, column), state.rows, state.new, estimate.weights)
             fall = 1.0 - (fixed.rms[i] / without.rms[i]) ** 2
-            sure = value >= FLOOR * error and again.theta[at] >= AGAIN * unseen_errors[at]
-            if sure and fall > WORTH:
-                missing.append(Missing(i, effect, value, error, without.rms, fixed.rms))
+            sure = (
+                value >= MIN_COEFFICIENT_ERRORS * error and again.theta[at] >= MIN_VALIDATION_ERRORS * unseen_errors[at]
+            )
+            if sure and fall > MIN_VALIDATION_SHARE:
+                missing.append(MissingLaw(i, effect, value, error, without.rms, fixed.rms))
     return missing
 
 
@@ -249,8 +269,8 @@ _CONTAIN = {
 """Effects that have an effect in them."""
 
 
-def _apart(design: Design, column: str) -> Design:
+def _apart(design: FitDesign, column: str) -> FitDesign:
     return design.without(column)
 
 
-__all__ = ["Comparison", "Diagnosis", "Missing", "Table", "add", "blocks", "compare", "diagnose"]
+__all__ = ["ArmComparison", "ArmDiagnosis", "JointTable", "MissingLaw", "add", "blocks", "compare", "diagnose"]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.checks.base import Check, changed
 from signlin_ros.checks.finding import Finding
-from signlin_ros.checks.look import LEAST, Look
+from signlin_ros.checks.look import MIN_SAMPLES, Look
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -17,21 +17,21 @@ Index = NDArray[np.intp]
 
 RUN = 3
 """So many samples in a row at the limit are a run."""
-SHARE, FEW = 0.005, 5
+MIN_SHARE_AT_LIMIT, MIN_SAMPLES_AT_LIMIT = 0.005, 5
 """Least share and number of samples in such runs."""
-LIMIT = 0.5
+LIMIT_OVER_LARGEST = 0.5
 """The limit of an input is this share of its largest value, or more: nothing else is one."""
-LEVELS = 0.2
+MAX_LEVEL_SHARE = 0.2
 """Distinct values, as a share of the samples, beneath which a signal has levels rather than limits."""
 ABRUPT = 0.3
 """Steps into and out of the runs, as a share of what they are a few samples before."""
-STEPS, WHOLE = 3, 0.1
+MIN_SENSOR_STEPS, STEP_TOLERANCE = 3, 0.1
 """So many steps between values at which a signal rests tell its sensor's, if all are multiples, to this part of one:
 4 % are by chance."""
 PACE = 0.1
 """Pace at which a limit is reached, as a share of the usual one (RMS): a drive that comes to rest has none."""
 
-NEAR, FADES = 8, 2.0
+RUN_FRACTION, FADES = 8, 2.0
 """What turns smoothly is a quarter faster an eighth of the run before it is at the limit; so many times as fast, it
 comes to rest there."""
 
@@ -54,7 +54,7 @@ class Clipped(Check):
         for name in (*look.channels, *look.record.inputs):
             values = look.of(name)
             measured = name in look.channels
-            at = _clipped(values, look.quantum(name) if measured else 0.0, 0.0 if measured else LIMIT)
+            at = _clipped(values, look.quantum(name) if measured else 0.0, 0.0 if measured else LIMIT_OVER_LARGEST)
             if at is None:
                 continue
             percent, sides = 100.0 * float(at.mean()), np.unique(values[at])
@@ -85,18 +85,18 @@ def _clipped(values: Array, quantum: float, least: float) -> Mask | None:
     ``least``: a limit is this share of the largest value, or more.
     """
     good = np.isfinite(values)
-    if good.sum() < 5 * LEAST:
+    if good.sum() < 5 * MIN_SAMPLES:
         return None
     filled = values if good.all() else np.interp(np.arange(values.size), np.flatnonzero(good), values[good])
     levels = np.unique(filled).size
-    if quantum == 0.0 and levels < LEVELS * _changing(filled):
+    if quantum == 0.0 and levels < MAX_LEVEL_SHARE * _changing(filled):
         return None
     limits = [limit for limit in (filled.max(), filled.min()) if abs(limit) >= least * np.abs(filled).max()]
     steps = [max(quantum, _step(filled, limit)) for limit in limits]
     sides = [_runs(filled, filled == limit, quantum, step) for limit, step in zip(limits, steps, strict=True)]
     sides = [side for side in sides if side.any()]
     found = np.any(sides, axis=0) if sides else np.zeros(0, dtype=bool)
-    return found if found.sum() >= max(FEW, SHARE * values.size) else None
+    return found if found.sum() >= max(MIN_SAMPLES_AT_LIMIT, MIN_SHARE_AT_LIMIT * values.size) else None
 
 
 def _stands(look: Look, at: Mask) -> bool:
@@ -120,10 +120,10 @@ def _step(values: Array, limit: float) -> float:
     resting = np.unique(values[1:][changes == 0.0])
     other = values.min() if limit == values.max() else values.max()
     steps, least = np.diff(resting[resting != other]), float(changes[changes > 0.0].min(initial=np.inf))
-    if steps.size < STEPS:
+    if steps.size < MIN_SENSOR_STEPS:
         return least
     step = float(np.median(steps[steps < 1.5 * steps.min()]))
-    return max(step, least) if np.abs(steps / step - np.round(steps / step)).max() < WHOLE else least
+    return max(step, least) if np.abs(steps / step - np.round(steps / step)).max() < STEP_TOLERANCE else least
 
 
 def _hidden(values: Array, begins: Index, ends: Index) -> Array:
@@ -172,14 +172,14 @@ def _rests(values: Array, begins: Index, ends: Index, step: float) -> Mask:
     """Return which runs (k,) of samples at a limit values (T,) reach ever more slowly, and then last, if for a step of
     the sensor beside it.
 
-    A parabola beyond the limit has the pace v there and lasts 2 v / a: n / `NEAR` samples before it goes at v + a n /
-    `NEAR`.
+    A parabola beyond the limit has the pace v there and lasts 2 v / a: n / `RUN_FRACTION` samples before it goes at v
+    + a n / `RUN_FRACTION`.
     """
-    near = np.abs(values - values[begins[0]]) <= step * (1.0 + WHOLE)
+    near = np.abs(values - values[begins[0]]) <= step * (1.0 + STEP_TOLERANCE)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(int)))
     of = np.searchsorted(edges[::2], begins, side="right") - 1
     begins, ends = edges[::2][of], edges[1::2][of]
-    earlier = (ends - begins) // NEAR
+    earlier = (ends - begins) // RUN_FRACTION
     told = (earlier >= RUN) & (begins - RUN - earlier >= 0)
     at = np.where(told, begins, RUN)
     before = np.where(told, begins - earlier, RUN)

@@ -14,7 +14,7 @@ from signlin_ros.errors import InputError
 from signlin_ros.model import Model
 from signlin_ros.records import Note, Record, read_for_model, read_record
 
-_PLAIN = re.compile(r"[^\W\d]\w*\Z")
+_IDENTIFIER = re.compile(r"[^\W\d]\w*\Z")
 
 
 def with_direction(
@@ -27,7 +27,7 @@ def with_direction(
     """
     base = signals.get(name) or model.signals.get(name) or name
     for label in _two_valued(read_record(path, wanted=())):
-        column = label if _PLAIN.match(label) else f'"{label}"'
+        column = label if _IDENTIFIER.match(label) else f'"{label}"'
         for sign in ("", "-"):
             spec = f"{sign}sign({column}) * {base}"
             if _fits(model, path, {**signals, name: spec}, name):

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from signlin_ros.checks.look import LEAST, Look
+from signlin_ros.checks.look import MIN_SAMPLES, Look
 from signlin_ros.records.clean import gaps
 
 Array = NDArray[np.float64]
 
-WIDTH, ORDER = 7, 2
+POLYNOMIAL_SAMPLES, ORDER = 7, 2
 """Samples and order of the local polynomials that the acceleration is taken from."""
-FOLLOWED = 0.6
+MIN_FACTOR_CORRELATION = 0.6
 """Squared correlation of both sides of the equation from which on its factor is known: regressed on each other either
 way they differ by as much, and it lies in between [Frisch, Statistical Confluence Analysis, 1934]."""
 CLEAR = 0.1
@@ -34,12 +34,12 @@ def effort_scale(looks: Sequence[Look]) -> float | None:
     if not rows:
         return None
     A, y = np.concatenate([one[0] for one in rows]), np.concatenate([one[1] for one in rows])
-    if y.size < LEAST * A.shape[1]:
+    if y.size < MIN_SAMPLES * A.shape[1]:
         return None
     own, rest = A[:, 0], A[:, 1:]
     own, y = (x - rest @ np.linalg.lstsq(rest, x, rcond=None)[0] for x in (own, y))
     both, most = float(own @ y), float(y @ y)
-    known = both * both > max(FOLLOWED * most * float(own @ own), 0.0)
+    known = both * both > max(MIN_FACTOR_CORRELATION * most * float(own @ own), 0.0)
     return both / float(own @ own) if known else None
 
 
@@ -56,7 +56,7 @@ def _equation(look: Look) -> tuple[Array, Array] | None:
     parts = []
     for first, last in pairwise(gaps(record.t)):
         part = slice(first, last)
-        if last - first > 4 * WIDTH:
+        if last - first > 4 * POLYNOMIAL_SAMPLES:
             parts.append(_part(look, part, row, float(push)))
     return (np.concatenate([a for a, _ in parts]), np.concatenate([y for _, y in parts])) if parts else None
 
@@ -68,18 +68,18 @@ def _part(look: Look, part: slice, row: int, push: float) -> tuple[Array, Array]
     step = float(np.median(np.diff(t)))
     measured = {n: _filled(t, look.of(n)[part]) for n in base.states if n in look.channels}
     if look.velocity in measured:
-        v = savgol_filter(measured[look.velocity], WIDTH, ORDER)
-        a = savgol_filter(measured[look.velocity], WIDTH, ORDER, deriv=1, delta=step)
+        v = savgol_filter(measured[look.velocity], POLYNOMIAL_SAMPLES, ORDER)
+        a = savgol_filter(measured[look.velocity], POLYNOMIAL_SAMPLES, ORDER, deriv=1, delta=step)
     else:
-        v = savgol_filter(measured[look.position], WIDTH, ORDER + 1, deriv=1, delta=step)
-        a = savgol_filter(measured[look.position], WIDTH, ORDER + 1, deriv=2, delta=step)
+        v = savgol_filter(measured[look.position], POLYNOMIAL_SAMPLES, ORDER + 1, deriv=1, delta=step)
+        a = savgol_filter(measured[look.position], POLYNOMIAL_SAMPLES, ORDER + 1, deriv=2, delta=step)
     x = {**measured, look.velocity: v}
     own = a - sum((base.A[row, base.states.index(n)] * x[n] for n in x if n in base.states), np.zeros(t.size))
     moving = np.abs(v) > CLEAR * float(np.sqrt(np.mean(v**2)))
     turns = look.position in measured and look.model.turns(record.units)
     q = measured[look.position] if turns else np.zeros(t.size)
     A = np.column_stack([own / push, np.sign(v), np.ones(t.size), np.sin(q), np.cos(q) - 1.0])
-    return A[moving], savgol_filter(u, WIDTH, ORDER)[moving]
+    return A[moving], savgol_filter(u, POLYNOMIAL_SAMPLES, ORDER)[moving]
 
 
 def _filled(t: Array, y: Array) -> Array:

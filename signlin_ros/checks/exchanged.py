@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from signlin_ros.checks.base import OfColumns, values_of, with_channel
 from signlin_ros.checks.finding import Finding
 from signlin_ros.checks.look import Look
-from signlin_ros.checks.unit_or_sign import BETTER, EACH, GOOD, driven
+from signlin_ros.checks.unit_or_sign import EACH, MAX_ERROR_RATIO, MAX_GOOD_RESIDUAL, driven
 from signlin_ros.errors import joined
 from signlin_ros.records import ModelData
 
@@ -31,9 +31,9 @@ class Exchanged(OfColumns):
     def find(self, look: Look) -> Iterator[Finding]:
         """Yield the order of the signals after which the least is left."""
         p = look.resisted
-        if p is None or ((left := p.left()) < GOOD and p.shares().max() < EACH):
+        if p is None or ((left := p.left()) < MAX_GOOD_RESIDUAL and p.shares().max() < EACH):
             return
-        limit, names = min(BETTER * left, GOOD), (*look.record.inputs, *p.channels)
+        limit, names = min(MAX_ERROR_RATIO * left, MAX_GOOD_RESIDUAL), (*look.record.inputs, *p.channels)
         found = _fitting(look, itertools.combinations(names, 2), limit) or _fitting(look, _rounds(names), limit)
         if found:
             yield self._finding(min(found)[1])

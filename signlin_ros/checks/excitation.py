@@ -12,7 +12,7 @@ from signlin_ros.checks.base import Check
 from signlin_ros.checks.finding import Finding
 from signlin_ros.checks.linear import linear_base
 from signlin_ros.checks.look import Look
-from signlin_ros.checks.observer import START, Followed
+from signlin_ros.checks.observer import FORGETTING_SHARE, Followed
 from signlin_ros.errors import SignlinError, joined
 from signlin_ros.model import Model
 
@@ -20,25 +20,25 @@ Array = NDArray[np.float64]
 
 CHANGE = 1e-3
 """Parameters are changed by this share to see what that changes."""
-UNKNOWN = 2.0
+MAX_RELATIVE_ERROR = 2.0
 """A parameter known to no better than so many times its own size is not told."""
-KNOWN = 0.3
+CONDITIONAL_ERROR = 0.3
 """A group moves together whose members are each known to this share if the others are, but not so together."""
 WEAK = 0.05
 """Least eigenvalue of the correlations of what parameters do, where they are independent."""
-EXACT = 1e-6
+COLLINEAR = 1e-6
 """Below this two parameters are one in the equations, whatever the motion."""
 PART = 0.3
 """Least part that a member has in the direction in which a group moves."""
-LARGE = 0.3
+MAX_HIDDEN_SHARE = 0.3
 """An effect is not told that can be as large as this share of what drives (RMS), and is not seen."""
-ALIKE = 0.98
+MAX_CORRELATION = 0.98
 """Two effects look alike whose answers have this correlation, base parameters allowed for."""
-SURELY = 3.0
+SEEN_STANDARD_ERRORS = 3.0
 """Standard errors that make a thing seen."""
-FOLLOWED = 0.03
+RESIDUAL_SHARE = 0.03
 """What is left of a channel, as a share of what it does, where nothing is missing."""
-BLOCK = 20
+CORRELATED_SAMPLES = 20
 """So many samples that follow each other count as one: what a model lacks lasts."""
 
 
@@ -58,9 +58,9 @@ class Excitation(Check):
 
     Test: how far each parameter moves the innovations of an observer, against what is left of them; the standard
     errors of all together come from the inverse of their information, groups from its weakest direction [Belsley, Kuh,
-    Welsch, Regression Diagnostics, 1980, ch. 3]. By the record's own size of what is left, taken as `BLOCK` times as
-    lasting as white noise: the bounds are 3 standard errors of an amplitude, one of a logarithm. Where the motion is
-    imposed, effects add to the measured force as they are. Cure: another motion.
+    Welsch, Regression Diagnostics, 1980, ch. 3]. By the record's own size of what is left, taken as
+    `CORRELATED_SAMPLES` times as lasting as white noise: the bounds are 3 standard errors of an amplitude, one of a
+    logarithm. Where the motion is imposed, effects add to the measured force as they are. Cure: another motion.
     """
 
     name = "excitation"
@@ -89,7 +89,7 @@ def parameters_told(model: Model, f: Followed) -> Told | None:
     weak, directions = np.linalg.eigh(information / size[:, None] / size)
     groups = [_group(names, size, float(weak[k]), directions[:, k]) for k in np.flatnonzero(weak < WEAK)]
     merged = _merged([group for group in groups if group], names)
-    always = _merged([_group(names, size, 0.0, directions[:, k]) for k in np.flatnonzero(weak < EXACT)], names)
+    always = _merged([_group(names, size, 0.0, directions[:, k]) for k in np.flatnonzero(weak < COLLINEAR)], names)
     return Told(tuple(names), 1.0 / size, tuple(group for group in merged if group not in always))
 
 
@@ -111,7 +111,7 @@ def _group(names: list[str], size: Array, weak: float, direction: Array) -> tupl
     """Return the parameters that a weak direction (k,) of the information moves together; none where they are known
     all the same.
     """
-    members = [i for i in range(len(names)) if abs(direction[i]) > PART and 1.0 / size[i] < KNOWN]
+    members = [i for i in range(len(names)) if abs(direction[i]) > PART and 1.0 / size[i] < CONDITIONAL_ERROR]
     if len(members) < 2 or 1.0 / np.sqrt(max(weak, 1e-12)) / np.median(size[members]) < 1.0:
         return ()
     return tuple(names[i] for i in members)
@@ -119,19 +119,19 @@ def _group(names: list[str], size: Array, weak: float, direction: Array) -> tupl
 
 def _doubt(f: Followed, left: Array) -> Array:
     """Return the standard deviation (ny,) of what is not known of every channel: what is left (T, ny) where a model
-    follows it, and no more than its noise or `FOLLOWED` of what it does, where an effect is missing that is still to
-    be found.
+    follows it, and no more than its noise or `RESIDUAL_SHARE` of what it does, where an effect is missing that is
+    still to be found.
     """
     noise = np.diff(f.y, 4, axis=0).std(axis=0) / np.sqrt(70.0)
-    least = np.maximum(noise, FOLLOWED * f.y.std(axis=0))
-    return np.asarray(np.maximum(np.minimum(left[int(START * left.shape[0]) :].std(axis=0), least), 1e-300))
+    least = np.maximum(noise, RESIDUAL_SHARE * f.y.std(axis=0))
+    return np.asarray(np.maximum(np.minimum(left[int(FORGETTING_SHARE * left.shape[0]) :].std(axis=0), least), 1e-300))
 
 
 def _information(moved: list[Array], doubt: Array) -> Array:
     """Return the information (k, k) of answers (T, ny) each, in a doubt (ny,)."""
-    first = int(START * moved[0].shape[0])
+    first = int(FORGETTING_SHARE * moved[0].shape[0])
     answers = np.stack([(m[first:] / doubt).ravel() for m in moved])
-    return np.asarray(np.einsum("at,bt->ab", answers, answers)) / BLOCK
+    return np.asarray(np.einsum("at,bt->ab", answers, answers)) / CORRELATED_SAMPLES
 
 
 def _merged(groups: list[tuple[str, ...]], names: list[str]) -> tuple[tuple[str, ...], ...]:
@@ -144,7 +144,7 @@ def _merged(groups: list[tuple[str, ...]], names: list[str]) -> tuple[tuple[str,
 
 
 def _of_parameters(told: Told) -> Iterator[str]:
-    unknown = [n for n, alone in zip(told.names, told.alone, strict=True) if alone > UNKNOWN]
+    unknown = [n for n, alone in zip(told.names, told.alone, strict=True) if alone > MAX_RELATIVE_ERROR]
     if unknown:
         yield f"nothing of {joined(unknown)}"
     for group in told.groups:
@@ -168,16 +168,20 @@ def _of_effects(look: Look, f: Followed) -> Iterator[str]:
     information = _information(answers, _doubt(f, f.innovations()))
     seen = np.sqrt(np.maximum(np.diag(information), 1e-300))
     sizes = np.array([float(np.sqrt(np.mean(shape**2))) for shape in shapes.values()])
-    hidden = [n for n, least, size in zip(shapes, SURELY / seen, sizes, strict=True) if least * size > LARGE * drive]
+    hidden = [
+        n
+        for n, least, size in zip(shapes, SEEN_STANDARD_ERRORS / seen, sizes, strict=True)
+        if least * size > MAX_HIDDEN_SHARE * drive
+    ]
     if hidden:
-        yield f"nothing of {joined(hidden)}, were it {100 * LARGE:.0f} % of what drives"
+        yield f"nothing of {joined(hidden)}, were it {100 * MAX_HIDDEN_SHARE:.0f} % of what drives"
     yield from _together(list(shapes), information, hidden)
 
 
 def _together(names: list[str], information: Array, hidden: Collection[str]) -> Iterator[str]:
     """Yield which effects look alike by their information (k, k), those that are hidden aside."""
     seen = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    alike = np.abs(information / seen[:, None] / seen) > ALIKE
+    alike = np.abs(information / seen[:, None] / seen) > MAX_CORRELATION
     pairs = [(names[i], names[j]) for i, j in zip(*np.nonzero(np.triu(alike, 1)), strict=True)]
     for group in _merged([pair for pair in pairs if not set(pair) & set(hidden)], names):
         yield f"{joined(group)} only together"

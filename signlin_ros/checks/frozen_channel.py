@@ -8,9 +8,9 @@ import numpy as np
 
 from signlin_ros.checks.base import Check, without_channel
 from signlin_ros.checks.finding import Finding
-from signlin_ros.checks.look import LEAST, Look
+from signlin_ros.checks.look import MIN_SAMPLES, Look
 
-STILL = 3.0
+MIN_TRAVEL_OVER_NOISE = 3.0
 """Others move if they travel more than so many times their noise."""
 
 
@@ -18,7 +18,7 @@ class FrozenChannel(Check):
     """A measured channel holds one value from the first sample to the last, though another channel moves.
 
     Test: no two values differ. A sensor with any noise, or a quantity that follows the other, never does that: of
-    `LEAST` samples in steps as coarse as their noise fewer than one in 10^6 records are all alike.
+    `MIN_SAMPLES` samples in steps as coarse as their noise fewer than one in 10^6 records are all alike.
     Cure: the channel is left out.
     """
 
@@ -28,7 +28,11 @@ class FrozenChannel(Check):
         """Yield the channels that are left out."""
         spread = {name: float(np.ptp(look.finite(name)[1])) if _told(look, name) else -1.0 for name in look.channels}
         frozen = [name for name, size in spread.items() if size == 0.0]
-        moving = [name for name, size in spread.items() if size > STILL * look.noise(name).sigma > -1.0 and size > 0]
+        moving = [
+            name
+            for name, size in spread.items()
+            if size > MIN_TRAVEL_OVER_NOISE * look.noise(name).sigma > -1.0 and size > 0
+        ]
         if not moving:
             return
         for name in frozen:
@@ -47,4 +51,4 @@ class FrozenChannel(Check):
 
 
 def _told(look: Look, name: str) -> bool:
-    return look.finite(name)[1].size >= LEAST
+    return look.finite(name)[1].size >= MIN_SAMPLES

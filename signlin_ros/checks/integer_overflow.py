@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.checks.base import Check, changed
 from signlin_ros.checks.finding import Finding
-from signlin_ros.checks.look import LEAST, Look
+from signlin_ros.checks.look import MIN_SAMPLES, Look
 from signlin_ros.checks.wrapping import unwrapped, wraps
 
 Array = NDArray[np.float64]
@@ -32,7 +32,7 @@ class IntegerOverflow(Check):
         """Yield the channels and inputs that overflow."""
         for name in (*look.channels, *look.record.inputs):
             values = look.finite(name)[1]
-            if name == look.position or values.size < LEAST or not _jumps(values):
+            if name == look.position or values.size < MIN_SAMPLES or not _jumps(values):
                 continue
             step = _step(values)
             found = wraps(values, tuple(2.0**n * step for n in BITS)) if step else None

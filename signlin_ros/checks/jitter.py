@@ -8,19 +8,20 @@ import numpy as np
 
 from signlin_ros.checks.base import Check
 from signlin_ros.checks.finding import Finding
-from signlin_ros.checks.look import LEAST, Look
+from signlin_ros.checks.look import MIN_SAMPLES, Look
 from signlin_ros.checks.timing import regular_steps, two_rates
 
-UNEVEN, OFTEN = 0.1, 0.05
+MIN_STEP_DEVIATION, MIN_UNEVEN_SHARE = 0.1, 0.05
 """A step counts that differs from the median by this share, and so many of them are worth a word."""
 
 
 class Jitter(Check):
     """Samples are stamped unevenly: when they arrived, rather than when they were taken, or by a busy computer.
 
-    Test: more than `OFTEN` of the steps, gaps aside, differ from the median by more than `UNEVEN`. Stamps are exact:
-    none is wrong by chance. Where nearly all steps are one of two that seldom change (`two_rates`), it is no jitter and
-    is told as two rates. Cure: none is needed; everything takes the stamps as they are.
+    Test: more than `MIN_UNEVEN_SHARE` of the steps, gaps aside, differ from the median by more than
+    `MIN_STEP_DEVIATION`. Stamps are exact: none is wrong by chance. Where nearly all steps are one of two that seldom
+    change (`two_rates`), it is no jitter and is told as two rates. Cure: none is needed; everything takes the stamps
+    as they are.
     """
 
     name = "jitter"
@@ -28,11 +29,11 @@ class Jitter(Check):
     def find(self, look: Look) -> Iterator[Finding]:
         """Yield one note for the record."""
         steps = regular_steps(look.t)
-        if steps.size < LEAST:
+        if steps.size < MIN_SAMPLES:
             return
         median = float(np.median(steps))
-        share = float(np.mean(np.abs(steps / median - 1.0) > UNEVEN))
-        if share <= OFTEN:
+        share = float(np.mean(np.abs(steps / median - 1.0) > MIN_STEP_DEVIATION))
+        if share <= MIN_UNEVEN_SHARE:
             return
         rates = two_rates(steps)
         if rates is not None:

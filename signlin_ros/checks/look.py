@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.checks.factors import other_units
 from signlin_ros.checks.linear import Base, linear_base
-from signlin_ros.checks.observer import Followed, Prediction, follow, prediction, summed
+from signlin_ros.checks.observer import Followed, LinearPrediction, follow, prediction, summed
 from signlin_ros.checks.travel import Travel, travel
 from signlin_ros.model import Model
 from signlin_ros.noise import Noise, noise_level, quantum_of
@@ -18,12 +18,12 @@ from signlin_ros.records import ModelData
 
 Array = NDArray[np.float64]
 
-ENOUGH = 20_000
+MAX_NOISE_SAMPLES = 20_000
 """So many samples tell the noise of a channel."""
-BLOCKS = 8
-LEAST = 20
+VARIANCE_BLOCKS = 8
+MIN_SAMPLES = 20
 """Fewer samples tell nothing."""
-CLEAR = 4.0
+SIGNED_OVER_NOISE = 4.0
 """Times its noise from which on a velocity has a sign."""
 
 
@@ -92,7 +92,7 @@ class Look:
     def quantum(self, name: str) -> float:
         """Return the step of a channel's values, 0 where they come in none."""
         if name not in self._quantum:
-            self._quantum[name] = quantum_of(self.finite(name)[1][:ENOUGH])
+            self._quantum[name] = quantum_of(self.finite(name)[1][:MAX_NOISE_SAMPLES])
         return self._quantum[name]
 
     def unit(self, name: str) -> str:
@@ -125,12 +125,12 @@ class Look:
         return follow(self.base, self.record, self.channels) if self.base else None
 
     @functools.cached_property
-    def predicted(self) -> Prediction | None:
+    def predicted(self) -> LinearPrediction | None:
         """What that leaves."""
         return summed(self.followed) if self.followed else None
 
     @functools.cached_property
-    def resisted(self) -> Prediction | None:
+    def resisted(self) -> LinearPrediction | None:
         """What that leaves where dry friction, a load and gravity may act, of whatever size: what any machine has."""
         v = self.motion
         if self.base is None or v is None or self.model.plant.motion_is_imposed():
@@ -158,17 +158,17 @@ class Look:
         else:
             return None
         v = np.nan_to_num(v)
-        return np.where(np.abs(v) > CLEAR * noise, v, 0.0)
+        return np.where(np.abs(v) > SIGNED_OVER_NOISE * noise, v, 0.0)
 
 
 def _blocks(size: int) -> Iterator[slice]:
     """Yield a few stretches of a long record, or all of it."""
-    if size <= ENOUGH:
+    if size <= MAX_NOISE_SAMPLES:
         yield slice(0, size)
         return
-    length = ENOUGH // BLOCKS
-    for first in np.linspace(0, size - length, BLOCKS).astype(int):
+    length = MAX_NOISE_SAMPLES // VARIANCE_BLOCKS
+    for first in np.linspace(0, size - length, VARIANCE_BLOCKS).astype(int):
         yield slice(int(first), int(first) + length)
 
 
-__all__ = ["LEAST", "Look"]
+__all__ = ["MIN_SAMPLES", "Look"]

@@ -16,12 +16,12 @@ Array = NDArray[np.float64]
 
 AHEAD = (2, 3, 5, 8, 13, 21, 34, 55, 89)
 """By how many samples the input is tried earlier."""
-AS_GOOD = 1.1
+MAX_LINEAR_RATIO = 1.1
 """What an input that is linear between its samples leaves, beside an earlier one, where that is the cause."""
 BETWEEN = "between"
-FEW = 10
+MIN_INPUT_CHANGES = 10
 """Changes of an input that tell how often it is logged."""
-BETTER = 0.5
+MAX_RESIDUAL_RATIO = 0.5
 """What the model leaves with an earlier input, as a share of what it leaves as recorded."""
 
 
@@ -58,12 +58,12 @@ class MixedClocks(Check):
         left = {key: p.left({**none, name: 0.0, key: 1.0}) for key in none}
         best = min(tried, key=lambda key: left[key])
         seldom = _seldom(at)
-        if min(left[best], left[BETWEEN]) > BETTER * p.left(none):
+        if min(left[best], left[BETWEEN]) > MAX_RESIDUAL_RATIO * p.left(none):
             return
-        if seldom > 2 and left[BETWEEN] < AS_GOOD * left[best]:  # held for so long, it lags by half of that
+        if seldom > 2 and left[BETWEEN] < MAX_LINEAR_RATIO * left[best]:  # held for so long, it lags by half of that
             yield self._sparse(look, name, seldom, between)
             return
-        if left[best] > BETTER * p.left(none):
+        if left[best] > MAX_RESIDUAL_RATIO * p.left(none):
             return
         k = -int(best)
         yield Finding(
@@ -92,4 +92,4 @@ class MixedClocks(Check):
 
 def _seldom(at: NDArray[np.intp]) -> int:
     """Return from how many samples to how many an input changes, the median; 1 where it does at each."""
-    return int(np.median(np.diff(at))) if at.size > FEW else 1
+    return int(np.median(np.diff(at))) if at.size > MIN_INPUT_CHANGES else 1

@@ -8,13 +8,13 @@ import numpy as np
 
 from signlin_ros.checks.base import Check
 from signlin_ros.checks.finding import Finding
-from signlin_ros.checks.look import LEAST, Look
+from signlin_ros.checks.look import MIN_SAMPLES, Look
 
 LARGER = 1.5
 """Variance beyond which, in multiples of the noise's, a channel moves."""
 COUNTS = 2.5
 """Steps of a coarse sensor within which it rests."""
-FOLLOWED = 0.7
+MAX_RESIDUAL_SHARE = 0.7
 """What a model leaves of a channel that it follows, as a share: then the channel moves, however much like noise."""
 
 
@@ -30,7 +30,9 @@ class NoMotion(Check):
 
     def find(self, look: Look) -> Iterator[Finding]:
         """Yield one finding for the record."""
-        names = [n for n in (look.position, look.velocity) if n in look.channels and look.finite(n)[1].size >= LEAST]
+        names = [
+            n for n in (look.position, look.velocity) if n in look.channels and look.finite(n)[1].size >= MIN_SAMPLES
+        ]
         if not names or look.model.plant.motion_is_imposed() or not all(_rests(look, name) for name in names):
             return
         what = " and ".join(f"the {name} stays within {_size(look, name)}" for name in names)
@@ -62,6 +64,6 @@ def _rests(look: Look, name: str) -> bool:
     if np.ptp(values) <= COUNTS * quantum or np.ptp(values) == 0.0:
         return True
     p = look.predicted
-    if p is not None and name in p.channels and p.shares()[p.channels.index(name)] < FOLLOWED:
+    if p is not None and name in p.channels and p.shares()[p.channels.index(name)] < MAX_RESIDUAL_SHARE:
         return False
     return bool(np.var(values) <= LARGER * noise.sigma**2)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.checks.base import Check, without_channel
 from signlin_ros.checks.finding import Finding
-from signlin_ros.checks.look import LEAST, Look
+from signlin_ros.checks.look import MIN_SAMPLES, Look
 from signlin_ros.errors import joined
 from signlin_ros.records import ModelData
 from signlin_ros.records.converted import SMALLEST
@@ -22,7 +22,7 @@ ONE_FILE = (
     "`paste -d, a.csv b.csv > both.csv` joins them, and --signal NAME=COLUMN says which column is which"
 )
 """What is to be done where signals are in several files."""
-NOTHING = 1e-15
+MAX_EMPTY_SIZE = 1e-15
 """Largest size in SI units of what no sensor and no drive says: memory that was never written, rounded zeros."""
 RISES = 1.2
 """By how much a peak of the speed exceeds the one before it where something drives, beyond the noise,"""
@@ -34,9 +34,9 @@ class NothingMeasured(Check):
     """An input or a channel is nothing throughout while the machine moves: a driver that does not report it, or memory
     that was never written (1e-310).
 
-    Test: no value is larger than `NOTHING`. Of an input that is exactly 0 this may be true (a motion that is let go);
-    it is refused where the speed rises from peak to peak again and again. Cure: a channel is left out; of an input
-    there is none but another column.
+    Test: no value is larger than `MAX_EMPTY_SIZE`. Of an input that is exactly 0 this may be true (a motion that is
+    let go); it is refused where the speed rises from peak to peak again and again. Cure: a channel is left out; of an
+    input there is none but another column.
     """
 
     name = "nothing_measured"
@@ -51,12 +51,12 @@ class NothingMeasured(Check):
             return
         for name in look.record.inputs:
             most = float(np.abs(look.of(name)).max(initial=0.0))
-            if most <= NOTHING and not _said(look.record, name):
+            if most <= MAX_EMPTY_SIZE and not _said(look.record, name):
                 yield self._input(look, name, most)
         for name in look.channels:
             values = look.finite(name)[1]
             most = float(np.abs(values).max(initial=0.0))
-            if values.size >= LEAST and most <= NOTHING and (most > 0.0 or _tiny(look.record, name)):
+            if values.size >= MIN_SAMPLES and most <= MAX_EMPTY_SIZE and (most > 0.0 or _tiny(look.record, name)):
                 yield Finding(
                     self.name,
                     name,
@@ -88,7 +88,7 @@ class NothingMeasured(Check):
 
 
 def _moves(values: Array) -> bool:
-    return bool(values.size >= LEAST and np.ptp(values) > NOTHING)
+    return bool(values.size >= MIN_SAMPLES and np.ptp(values) > MAX_EMPTY_SIZE)
 
 
 def _size(look: Look, name: str, most: float) -> str:

@@ -16,25 +16,25 @@ from numpy.typing import NDArray
 
 from signlin_ros.checks.linear import Base
 from signlin_ros.records import ModelData
-from signlin_ros.records.clean import HOLE
+from signlin_ros.records.clean import MIN_HOLE_STEPS
 
 Array = NDArray[np.float64]
 
-TRUST, NOISY = 0.03, 0.03
+TRUST, SENSOR_ERROR_SHARE = 0.03, 0.03
 """Errors of the model's equations, and of the sensors, in shares of what they hold: what the observer is made for."""
-PERSISTENCE = 0.1
+MODEL_ERROR_TIME = 0.1
 """How long, in s, an error of an equation lasts."""
-MOST, LEAST = 20_000, 60
+MAX_FOLLOWED_SAMPLES, MIN_FOLLOWED_SAMPLES = 20_000, 60
 """So many samples are followed at most, and at least."""
-START = 0.05
+FORGETTING_SHARE = 0.05
 """Share of the samples in which the observer forgets where it began."""
 ONE = "1"
 """The name of what the equations hold whatever the record says."""
-ROUNDS = 2
+REWEIGHTING_ROUNDS = 2
 """The sum of logarithms is made least by least squares with the weights of the last round: none makes it larger."""
 GONE = 1e-6
 """Part of what a start does at its most, beneath which the observer has forgotten it."""
-NOTHING = 1e-18
+ROUNDING_SHARE = 1e-18
 """Part of the largest answer to a source below which what answers to another is rounding."""
 BEGUN = "start: "
 """What the name of a state begins with where it stands for where that state was at the first sample."""
@@ -135,17 +135,17 @@ def follow(
     """Return how an observer of a base follows a record; None where none can be made, or the record is too short."""
     channels = tuple(name for name in channels if name in base.rows and np.ptp(_finite(record.measured[name])) > 0)
     part = _longest(record.t)
-    if not channels or part.stop - part.start < LEAST:
+    if not channels or part.stop - part.start < MIN_FOLLOWED_SAMPLES:
         return None
     base = base.seen_by(channels)
     t, u, y, extra = _even(record, part, channels, more or {}, base.delay)
     d = Discrete.of(base, channels, float(t[1] - t[0]))
-    K = _gain(base, d, u, float(t[1] - t[0])) if t.size >= LEAST else None
+    K = _gain(base, d, u, float(t[1] - t[0])) if t.size >= MIN_FOLLOWED_SAMPLES else None
     return None if K is None else Followed(base, channels, t, u, y, extra, d, K)
 
 
 @dataclass(frozen=True, eq=False)
-class Prediction:
+class LinearPrediction:
     """What a record leaves of an observer of a linear base.
 
     ``sources``: the inputs, the channels, `ONE`, further inputs, and where the states were at the first sample, as far
@@ -179,7 +179,7 @@ class Prediction:
         s = np.array([[one.get(n, 0.0 if n in self.free else 1.0) for n in self.sources] for one in scales])
         own = np.abs(s[:, [self.sources.index(name) for name in self.channels]]) * self.spread
         found = self._squares(s)
-        for _ in range(ROUNDS if self.free else 0):  # the channels count by their logarithms, as in `left`
+        for _ in range(REWEIGHTING_ROUNDS if self.free else 0):  # the channels count by their logarithms, as in `left`
             more = self._squares(self._with_free(s, 1.0 / np.maximum(found, 1e-300)))
             better = np.log(more + 1e-300).sum(axis=1) < np.log(found + 1e-300).sum(axis=1)
             found = np.where(better[:, None], more, found)
@@ -194,7 +194,9 @@ class Prediction:
         at = [self.sources.index(name) for name in self.free]
         least = np.array([0.0 if c else -np.inf for c in self.free.values()])
         answers = np.einsum("jaa->a", self.grams)
-        silent = answers[at] <= NOTHING * answers.max()  # an observer that forgets constants is left nothing of one
+        silent = (
+            answers[at] <= ROUNDING_SHARE * answers.max()
+        )  # an observer that forgets constants is left nothing of one
         size = np.where(silent, np.inf, np.sqrt(answers[at] + 1e-300))
         A = np.einsum("kj,jab->kab", weights, self.grams[:, at][:, :, at] / size / size[:, None])
         g = -np.einsum("kj,jab,kb->ka", weights, self.grams[:, at] / size[:, None], s)
@@ -215,12 +217,12 @@ class Prediction:
 
 @dataclass(frozen=True, eq=False)
 class Together:
-    """What several records with the same columns leave, as one `Prediction`: their geometric mean by samples."""
+    """What several records with the same columns leave, as one `LinearPrediction`: their geometric mean by samples."""
 
-    parts: tuple[Prediction, ...]
+    parts: tuple[LinearPrediction, ...]
 
     @classmethod
-    def of(cls, parts: Sequence[Prediction]) -> Together:
+    def of(cls, parts: Sequence[LinearPrediction]) -> Together:
         """Return several predictions as one."""
         return cls(tuple(parts))
 
@@ -259,18 +261,18 @@ def prediction(
     channels: Sequence[str],
     more: Mapping[str, Array] | None = None,
     free: Mapping[str, str] | None = None,
-) -> Prediction | None:
+) -> LinearPrediction | None:
     """Return what a record leaves of an observer of a base; None where `follow` does.
 
-    ``more`` (T,): further inputs by name, each acting as the first input does; ``free``: see `Prediction`.
+    ``more`` (T,): further inputs by name, each acting as the first input does; ``free``: see `LinearPrediction`.
     """
     f = follow(base, record, channels, more)
     return None if f is None else summed(f, free)
 
 
-def summed(f: Followed, free: Mapping[str, str] | None = None) -> Prediction:
+def summed(f: Followed, free: Mapping[str, str] | None = None) -> LinearPrediction:
     """Return what is left of a record that is followed, by what adds to it."""
-    first, answers = int(START * f.t.size), f.begun()
+    first, answers = int(FORGETTING_SHARE * f.t.size), f.begun()
     lasting = [np.abs(one[first:]).max() > GONE * np.abs(one).max() for one in answers]
     begun = tuple(f"{BEGUN}{name}" for name, lasts in zip(f.base.states, lasting, strict=True) if lasts)
     left = np.stack([*f.parts(), *(one for one, lasts in zip(answers, lasting, strict=True) if lasts)])[:, first:]
@@ -278,7 +280,7 @@ def summed(f: Followed, free: Mapping[str, str] | None = None) -> Prediction:
     grams = np.einsum("atj,btj->jab", left, left) / left.shape[1]
     sources = (*f.base.inputs, *f.channels, ONE, *f.more, *begun)
     free = {**(free or {}), **dict.fromkeys(begun, "")}
-    return Prediction(f.channels, sources, grams, f.y.std(axis=0), left.shape[1], free)
+    return LinearPrediction(f.channels, sources, grams, f.y.std(axis=0), left.shape[1], free)
 
 
 def _finite(values: Array) -> Array:
@@ -287,13 +289,13 @@ def _finite(values: Array) -> Array:
 
 
 def _longest(t: Array) -> slice:
-    """Return the longest stretch of stamps (T,) without a gap, of `MOST` samples at most."""
+    """Return the longest stretch of stamps (T,) without a gap, of `MAX_FOLLOWED_SAMPLES` samples at most."""
     steps = np.diff(t)
     if not steps.size:
         return slice(0, 0)
-    edges = np.concatenate([[0], np.flatnonzero(steps > HOLE * np.median(steps)) + 1, [t.size]])
+    edges = np.concatenate([[0], np.flatnonzero(steps > MIN_HOLE_STEPS * np.median(steps)) + 1, [t.size]])
     k = int(np.argmax(np.diff(edges)))
-    return slice(int(edges[k]), int(min(edges[k + 1], edges[k] + MOST)))
+    return slice(int(edges[k]), int(min(edges[k + 1], edges[k] + MAX_FOLLOWED_SAMPLES)))
 
 
 def _even(
@@ -327,9 +329,9 @@ def _gain(base: Base, d: Discrete, u: Array, step: float) -> Array | None:
         return None
     size = np.maximum(x, 1e-9 * max(float(x.max(initial=0.0)), 1e-30))
     disturbed = np.where(_kinematic(base), 1e-6, TRUST) * np.maximum(rates, 1e-12)
-    Q = np.diag(disturbed**2 * PERSISTENCE * step + (1e-6 * size) ** 2)
+    Q = np.diag(disturbed**2 * MODEL_ERROR_TIME * step + (1e-6 * size) ** 2)
     shown = np.abs(d.C) @ size + np.abs(d.D) @ u.std(axis=0)
-    R = np.diag((NOISY * np.maximum(shown, 1e-12)) ** 2)
+    R = np.diag((SENSOR_ERROR_SHARE * np.maximum(shown, 1e-12)) ** 2)
     try:
         P = solve_discrete_are((d.A.T * size[:, None] / size).copy(), *_scaled(d.C, Q, R, size))
     except (LinAlgError, ValueError):
@@ -379,4 +381,15 @@ def _times(small: NDArray[Any], wide: NDArray[Any]) -> NDArray[Any]:
     return np.asarray(np.einsum("ij,jt->it", small, wide))
 
 
-__all__ = ["ONE", "START", "Discrete", "Followed", "Prediction", "Together", "follow", "prediction", "run", "summed"]
+__all__ = [
+    "FORGETTING_SHARE",
+    "ONE",
+    "Discrete",
+    "Followed",
+    "LinearPrediction",
+    "Together",
+    "follow",
+    "prediction",
+    "run",
+    "summed",
+]

@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 from signlin_ros import units
 from signlin_ros.checks.base import OfColumns
 from signlin_ros.checks.finding import Finding
-from signlin_ros.checks.look import LEAST, Look
+from signlin_ros.checks.look import MIN_SAMPLES, Look
 from signlin_ros.records.grammar import split_unit
 from signlin_ros.records.header import heading
 
@@ -22,21 +22,21 @@ FORCE = re.compile(
     r"forc|torq|effort|tau|moment|kraft|curr|strom|load|volt|spann|pwm|duty|\bu\b|^[fiuvm]$", re.IGNORECASE
 )
 """What columns of forces, currents and voltages are called: these are believed longer."""
-LEFT, NEAR, LATE = 0.05, 0.1, 0.5
+MAX_COMMAND_RESIDUAL, MAX_GAIN_ERROR, LATE = 0.05, 0.1, 0.5
 """What the input's own number, late by a lag and a delay of at most so many s, leaves of the position's square; by how
 much the gain may differ from 1."""
-TOGETHER = 0.7
+MIN_COMMAND_CORRELATION = 0.7
 """Least correlation of both as they stand: a force on a mass leads to one near nothing, or to an opposite one."""
-STRICT = 0.2
+STRICT_PART = 0.2
 """Part of both limits for a column that is called a force."""
-HELD, STILL = 0.05, 0.5
+HELD, REST_SPEED_PART = 0.05, 0.5
 """Part of its spread that an input changes by at most while it is held; part of its usual speed that rests."""
-LONG = (6, 8, 10, 12, 16, 24)
+MIN_HELD_SAMPLES = (6, 8, 10, 12, 16, 24)
 """Samples that it is held at least."""
-FEWEST, AGREE, GAINS = 8, 0.9, (0.5, 1.25)
+MIN_HOLDS_OF_COMMAND, AGREE, COMMAND_GAINS = 8, 0.9, (0.5, 1.25)
 """So many holds, the correlation of the positions at their ends with the input, and the gains that count: friction
 keeps small steps short."""
-OTHERS = {"": 1.0, "degrees": 57.29577951308232, "turns": 0.15915494309189535}
+COMMAND_UNITS = {"": 1.0, "degrees": 57.29577951308232, "turns": 0.15915494309189535}
 """What a commanded angle is in, and how many of it a rad is."""
 
 
@@ -44,11 +44,11 @@ class PositionCommand(OfColumns):
     """The input is a position that was commanded, since nothing else was recorded of a servo: the position settles at
     the input's own number.
 
-    Test: with a lag and a delay the input's number itself is the position to `LEFT` of its square; or at the ends of
-    steps that are held the position rests, goes with the input, and is most of it. A force that acts on a mass leads to
-    neither; a spring of the stiffness 1 would, so that a model which has a spring is believed, and a column whose unit
-    is that of a force or that is called one is believed unless its number is exactly the position's. Cure: none; the
-    plant `servo` takes a position for its input.
+    Test: with a lag and a delay the input's number itself is the position to `MAX_COMMAND_RESIDUAL` of its square; or
+    at the ends of steps that are held the position rests, goes with the input, and is most of it. A force that acts on
+    a mass leads to neither; a spring of the stiffness 1 would, so that a model which has a spring is believed, and a
+    column whose unit is that of a force or that is called one is believed unless its number is exactly the position's.
+    Cure: none; the plant `servo` takes a position for its input.
     """
 
     name = "position_command"
@@ -68,15 +68,15 @@ class PositionCommand(OfColumns):
             return
         look = looks[0]
         model, q = look.model, look.position
-        usable = [one for one in looks if q in one.channels and one.t.size >= LEAST]
+        usable = [one for one in looks if q in one.channels and one.t.size >= MIN_SAMPLES]
         if not usable or model.plant.motion_is_imposed() or not look.record.inputs:
             return
         name = look.record.inputs[0]
         if units.conversion(model.units[name], model.units[q]) is not None or _restored(look) or _stated(look, name):
             return
         pairs = [(one, np.nan_to_num(one.of(name)), one.of(q)) for one in usable]
-        strict = STRICT if _called_a_force(look, name) else 1.0
-        for unit, times in OTHERS.items():
+        strict = STRICT_PART if _called_a_force(look, name) else 1.0
+        for unit, times in COMMAND_UNITS.items():
             scaled = [(one, u / times, x) for one, u, x in pairs]
             if _tracked(scaled, strict) or (strict == 1.0 and _settled(scaled)):
                 yield self._finding(look, name, unit)
@@ -118,7 +118,7 @@ def _tracked(pairs: Sequence[tuple[Look, Array, Array]], strict: float) -> bool:
     whole, left, both, own, given = 0.0, 0.0, 0.0, 0.0, 0.0
     for look, u, x in pairs:
         there = np.isfinite(x)
-        if there.sum() < LEAST or np.ptp(u) == 0.0:
+        if there.sum() < MIN_SAMPLES or np.ptp(u) == 0.0:
             continue
         followed = _best(u[there], x[there], look.step)
         size = float(np.sum((x[there] - x[there].mean()) ** 2))
@@ -128,7 +128,11 @@ def _tracked(pairs: Sequence[tuple[Look, Array, Array]], strict: float) -> bool:
         both += float(np.corrcoef(u[there], x[there])[0, 1]) * size if np.ptp(x[there]) > 0.0 else 0.0
     if whole == 0.0 or own == 0.0:
         return False
-    return both > TOGETHER * whole and left < strict * LEFT * whole and abs(given / own - 1.0) < max(strict, 0.3) * NEAR
+    return (
+        both > MIN_COMMAND_CORRELATION * whole
+        and left < strict * MAX_COMMAND_RESIDUAL * whole
+        and abs(given / own - 1.0) < max(strict, 0.3) * MAX_GAIN_ERROR
+    )
 
 
 def _best(u: Array, x: Array, step: float) -> Array:
@@ -150,15 +154,15 @@ def _settled(pairs: Sequence[tuple[Look, Array, Array]]) -> bool:
     """Tell whether at the ends of held inputs the position rests, and is most of the input's number."""
     ends = [_ends(u, x) for _, u, x in pairs]
     every = np.concatenate(ends) if ends else np.zeros((0, 3))
-    for long in LONG[::-1]:
+    for long in MIN_HELD_SAMPLES[::-1]:
         of = every[every[:, 0] >= long]
-        if len(of) < FEWEST:
+        if len(of) < MIN_HOLDS_OF_COMMAND:
             continue
         u, x = of[:, 1], of[:, 2]
         if np.ptp(u) == 0.0 or np.ptp(x) == 0.0:
             return False
         gain = float(u @ x) / float(u @ u)
-        return bool(np.corrcoef(u, x)[0, 1] > AGREE and GAINS[0] < gain < GAINS[1])
+        return bool(np.corrcoef(u, x)[0, 1] > AGREE and COMMAND_GAINS[0] < gain < COMMAND_GAINS[1])
     return False
 
 
@@ -173,7 +177,7 @@ def _ends(u: Array, x: Array) -> Array:
     speed = np.abs(np.gradient(x))
     usual = float(np.sqrt(np.mean(speed**2)))
     last, long = edges[1:] - 1, np.diff(edges)
-    there = (edges[:-1] > 0) & (long >= LONG[0]) & (speed[last] < STILL * usual)
+    there = (edges[:-1] > 0) & (long >= MIN_HELD_SAMPLES[0]) & (speed[last] < REST_SPEED_PART * usual)
     return np.column_stack([long[there], u[last[there]] / spread, x[last[there]] / spread])
 
 

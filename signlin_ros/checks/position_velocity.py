@@ -12,7 +12,7 @@ from signlin_ros.checks.base import OfColumns, without_channel
 from signlin_ros.checks.factors import word
 from signlin_ros.checks.finding import Finding
 from signlin_ros.checks.look import Look
-from signlin_ros.checks.travel import AGREE, CLEAR, EQUAL, Travel
+from signlin_ros.checks.travel import EQUAL, MIN_AGREEMENT, MIN_EXCESS_OVER_NOISE, Travel
 from signlin_ros.checks.unit_or_sign import divided
 from signlin_ros.records.clean import gaps
 from signlin_ros.records.notes import as_notes
@@ -21,13 +21,13 @@ Array = NDArray[np.float64]
 
 STRANGE = 0.5
 """Largest squared correlation where they have nothing to do with each other."""
-NEAR = 0.04
+FACTOR_TOLERANCE = 0.04
 """By how much a factor may miss that of a unit."""
-SURELY = 0.99
+MIN_SQUARED_CORRELATION = 0.99
 """Squared correlation by which both exceed their noise, however large that looks in few steps."""
-GAIN = 0.02
+MIN_CORRELATION_GAIN = 0.02
 """By how much the squared correlation rises without a lag that counts."""
-FARTHEST = 30
+MAX_LAG_SAMPLES = 30
 """Lags that are looked at, in samples."""
 
 
@@ -36,10 +36,10 @@ class PositionVelocity(OfColumns):
     or another axis; or it has an offset.
 
     Test: over stretches in which it moves most, gaps aside, the change of the position is regressed on the integral of
-    the velocity; both exceed `CLEAR` times what their noise does, or share `SURELY` of their variance, so that the
-    factor is known to some per cent, and a clean record has 1. A factor counts beyond `EQUAL`, 10 of its standard
-    errors or more. Cure: the conversion, a sign (``reverse_NAME``); a velocity of something else is left out
-    (``leave_out_NAME``). A lag and an offset are noted.
+    the velocity; both exceed `MIN_EXCESS_OVER_NOISE` times what their noise does, or share `MIN_SQUARED_CORRELATION`
+    of their variance, so that the factor is known to some per cent, and a clean record has 1. A factor counts beyond
+    `EQUAL`, 10 of its standard errors or more. Cure: the conversion, a sign (``reverse_NAME``); a velocity of
+    something else is left out (``leave_out_NAME``). A lag and an offset are noted.
     """
 
     name = "position_velocity"
@@ -58,16 +58,16 @@ class PositionVelocity(OfColumns):
         if found.offset and v in look.channels:
             offset = f"{abs(found.offset):.3g} {look.unit(v)} {'more' if found.offset > 0 else 'less'}"
             yield self.note(v, f"the {v} reads {offset} than the {q} changes: an offset of its sensor, or a drift")
-        if found.clear < CLEAR and found.correlation < SURELY:
+        if found.clear < MIN_EXCESS_OVER_NOISE and found.correlation < MIN_SQUARED_CORRELATION:
             return
         if found.correlation < STRANGE and v in look.channels:
             yield self._strange(look, found)
-        elif found.correlation > AGREE and abs(found.factor - 1.0) > EQUAL:
+        elif found.correlation > MIN_AGREEMENT and abs(found.factor - 1.0) > EQUAL:
             yield self._factor(look, found.factor)
-        elif found.correlation > AGREE:
+        elif found.correlation > MIN_AGREEMENT:
             at = np.isfinite(look.of(q)) & np.isfinite(look.of(v))
             lag, gain = _lag(look.record.t[at], look.of(q)[at], look.of(v)[at])
-            if gain > GAIN:
+            if gain > MIN_CORRELATION_GAIN:
                 late, early = (v, q) if lag > 0 else (q, v)
                 yield self.note(
                     late, f"the {late} lags {abs(lag) * look.step:.3g} s behind the {early}: a filter, or its way"
@@ -115,7 +115,7 @@ def _unit(look: Look, factor: float) -> tuple[str, str, dict[str, float]]:
     for name, inverse in ((v, False), (q, True)):
         for unit, times in look.others(name).items():
             wanted = 1.0 / times if inverse else times
-            if abs(size / wanted - 1.0) < NEAR:
+            if abs(size / wanted - 1.0) < FACTOR_TOLERANCE:
                 words = f"is {factor:.4g} times what it should be if the {name} is not in {unit}, going by"
                 return words, f"{name}_in_{word(unit)}{ending}", {name: sign * times}
     return f"is {factor:.4g} times (a gear, or a unit)", f"scale_{v}", {v: factor}
@@ -125,7 +125,7 @@ def _lag(t: Array, q: Array, v: Array) -> tuple[float, float]:
     """Return by how many samples v lags behind the rate of q, and how much the squared correlation rises without it;
     where no gap in t is near.
     """
-    far = min(FARTHEST, q.size // 10)
+    far = min(MAX_LAG_SAMPLES, q.size // 10)
     lags = np.arange(-far, far + 1)
     k = np.concatenate([np.arange(first + far + 1, last - far - 1) for first, last in pairwise(gaps(t))])
     if k.size <= lags.size:
@@ -139,5 +139,5 @@ def _lag(t: Array, q: Array, v: Array) -> tuple[float, float]:
         return float(lags[np.argmax(r)]), float(r.max() - r[far])
     beside = np.divide(0.5 * (left - right), apart, where=apart < 0.0, out=np.zeros_like(apart))  # of a parabola's top
     high = np.where(apart < 0.0, middle - 0.25 * (left - right) * beside, 0.0)
-    tops = (lags[1:-1] + beside)[high > high.max() - 0.1 * GAIN]
+    tops = (lags[1:-1] + beside)[high > high.max() - 0.1 * MIN_CORRELATION_GAIN]
     return float(min(tops, key=abs)), float(high.max() - r[far])

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from signlin_ros.checks.factors import TOGETHER, other_units, word
+from signlin_ros.checks.factors import LOGGED_TOGETHER, other_units, word
 from signlin_ros.checks.look import Look
-from signlin_ros.checks.observer import ONE, Prediction, Together
+from signlin_ros.checks.observer import ONE, LinearPrediction, Together
 
-NEAR = 1.35
+MAX_FACTOR_RATIO = 1.35
 """A unit is meant where the factor that suits best is no more than this away from it."""
 GEAR = 3.0
 """Smaller factors are a matter of the model's parameters."""
@@ -41,7 +41,7 @@ class Reading:
         return all(factor == -1.0 for factor in self.divided.values())
 
 
-def signs(look: Look, p: Prediction | Together) -> Iterator[Reading]:
+def signs(look: Look, p: LinearPrediction | Together) -> Iterator[Reading]:
     """Yield the signals, and position and velocity together, that may be reversed."""
     for name in p.sources:
         if _recorded(name, p):
@@ -53,7 +53,7 @@ def signs(look: Look, p: Prediction | Together) -> Iterator[Reading]:
         yield Reading({q: -1.0, v: -1.0}, words, f"reverse_{q}_and_{v}")
 
 
-def units(look: Look, p: Prediction | Together) -> Iterator[Reading]:
+def units(look: Look, p: LinearPrediction | Together) -> Iterator[Reading]:
     """Yield the units that one signal, or position and velocity together, may be in."""
     for name in p.sources:
         if not _recorded(name, p):
@@ -65,14 +65,14 @@ def units(look: Look, p: Prediction | Together) -> Iterator[Reading]:
                     cure = f"{name}_in_{word(unit)}" + ("_reversed" if sign < 0 else "")
                     yield Reading({name: sign * factor}, f"the {name} fits if it is in {unit}{turned}", cure)
     q, v = look.position, look.velocity
-    for of_model, one, other in TOGETHER if {q, v} <= set(p.sources) else ():
+    for of_model, one, other in LOGGED_TOGETHER if {q, v} <= set(p.sources) else ():
         if of_model in (look.unit(q), {"m": "rad"}.get(look.unit(q))):
             factors = {q: other_units(look.unit(q))[one], v: other_units(look.unit(v))[other]}
             words = f"{q} and {v} fit if they are in {one} and {other}"
             yield Reading(factors, words, f"{q}_in_{word(one)}_{v}_in_{word(other)}")
 
 
-def pairs(look: Look, p: Prediction | Together) -> Iterator[Reading]:
+def pairs(look: Look, p: LinearPrediction | Together) -> Iterator[Reading]:
     """Yield the units that two signals may be in, which are not position and velocity of one kind."""
     one = [
         (name, unit, factor) for name in p.sources if _recorded(name, p) for unit, factor in look.others(name).items()
@@ -83,7 +83,7 @@ def pairs(look: Look, p: Prediction | Together) -> Iterator[Reading]:
             yield Reading({a: of_a, b: of_b}, words, f"{a}_in_{word(first)}_{b}_in_{word(second)}", far_fetched=True)
 
 
-def gears(look: Look, p: Prediction | Together) -> Iterator[Reading]:
+def gears(look: Look, p: LinearPrediction | Together) -> Iterator[Reading]:
     """Yield single signals that fit by a factor that is no unit's."""
     for name in p.sources:
         if not _recorded(name, p):
@@ -102,24 +102,24 @@ def gear(look: Look, name: str, factor: float) -> Reading:
     return Reading({name: factor}, words, f"scale_{name}", far_fetched=True)
 
 
-def _recorded(name: str, p: Prediction | Together) -> bool:
+def _recorded(name: str, p: LinearPrediction | Together) -> bool:
     """Tell whether a source is an input or a channel of the record."""
     return name != ONE and name not in p.free
 
 
-def _best(p: Prediction | Together, name: str) -> float:
+def _best(p: LinearPrediction | Together, name: str) -> float:
     """Return by what a signal is to be divided so that the least is left of all channels."""
     grid = [sign * 10.0**k for sign in (1.0, -1.0) for k in [i / 20 for i in range(-90, 91)]]
     best = int(np.argmin(p.lefts([{name: 1.0 / factor} for factor in grid])))
     return float(grid[best])
 
 
-def _suits(p: Prediction | Together, factors: Mapping[str, float]) -> bool:
+def _suits(p: LinearPrediction | Together, factors: Mapping[str, float]) -> bool:
     """Tell whether other factors near those of a unit suit no better, by much, than the unit's."""
     ((name, factor),) = factors.items()
-    around = (1.0, 1.0 / NEAR**2, 1.0 / NEAR, NEAR, NEAR**2)
+    around = (1.0, 1.0 / MAX_FACTOR_RATIO**2, 1.0 / MAX_FACTOR_RATIO, MAX_FACTOR_RATIO, MAX_FACTOR_RATIO**2)
     left = p.lefts([{name: times / factor} for times in around])
     return bool(left[0] <= 1.5 * left[1:].min())
 
 
-__all__ = ["NEAR", "Reading", "gear", "gears", "pairs", "signs", "units"]
+__all__ = ["MAX_FACTOR_RATIO", "Reading", "gear", "gears", "pairs", "signs", "units"]

@@ -7,14 +7,14 @@ from dataclasses import replace
 
 from signlin_ros.checks.base import Check
 from signlin_ros.checks.finding import Finding
-from signlin_ros.checks.look import LEAST, Look
+from signlin_ros.checks.look import MIN_SAMPLES, Look
 from signlin_ros.checks.no_motion import NoMotion
 from signlin_ros.checks.registry import CHECKS
 from signlin_ros.errors import InputError, RecordError, choices, suggest
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 
-NONE = "none"
+NO_CURE = "none"
 """The cure that takes records as they are: nothing is changed, nothing refused."""
 
 
@@ -23,7 +23,7 @@ def check(
 ) -> tuple[list[ModelData], list[Finding]]:
     """Look for what may be wrong with records; return them with cures applied, and what was found.
 
-    Cures that can do no harm are applied; others if their names are among ``cures``; none at all with `NONE` there.
+    Cures that can do no harm are applied; others if their names are among ``cures``; none at all with `NO_CURE` there.
     ``validated``: whether some of the records are for validation, so that no part of one is held out.
     Raises `InputError` for a cure that nothing here offers.
     """
@@ -40,7 +40,7 @@ def check(
 
 def require_sound(findings: Sequence[Finding], cures: Collection[str] = ()) -> None:
     """Raise `RecordError` for the first finding that must be decided before anything is concluded."""
-    blocking = [] if NONE in cures else [finding for finding in findings if finding.open]
+    blocking = [] if NO_CURE in cures else [finding for finding in findings if finding.open]
     for finding in blocking[:1]:
         others = ", ".join(dict.fromkeys(one.source for one in blocking[1:]))
         more = f" ({len(blocking) - 1} more, of {others}: signlin check)" if others else ""
@@ -55,7 +55,7 @@ class _Pass:
     def __init__(self, model: Model, record: ModelData) -> None:
         self.record, self.look = record, Look(model, record)
         self.found: list[Finding] = []
-        self._enough = self.look.t.size >= LEAST
+        self._enough = self.look.t.size >= MIN_SAMPLES
 
     def takes(self, kind: type[Check]) -> bool:
         """Tell whether a check means anything here: there is something to look at, and the time is known."""
@@ -89,7 +89,7 @@ def _of_one_log(passes: Sequence[_Pass]) -> list[list[_Pass]]:
 
 def _treated(record: ModelData, finding: Finding, cures: frozenset[str]) -> tuple[ModelData, Finding]:
     """Return a record with the cure of a finding applied where it is to be, and the finding."""
-    wanted = finding.harmless if NONE not in cures else False
+    wanted = finding.harmless if NO_CURE not in cures else False
     if finding.action is not None and (wanted or finding.cure in cures):
         return finding.action(record), finding.done()
     return record, replace(finding, severity="offer") if finding.harmless else finding
@@ -98,9 +98,9 @@ def _treated(record: ModelData, finding: Finding, cures: frozenset[str]) -> tupl
 def _check_names(cures: Collection[str], findings: Sequence[Finding]) -> None:
     offered = {finding.cure for finding in findings if finding.cure}
     for name in cures:
-        if name != NONE and name not in offered:
-            allowed = choices([*offered, NONE])
+        if name != NO_CURE and name not in offered:
+            allowed = choices([*offered, NO_CURE])
             raise InputError(f"--cure: found {name!r}; for these records there are: {allowed}{suggest(name, offered)}")
 
 
-__all__ = ["NONE", "check", "require_sound"]
+__all__ = ["NO_CURE", "check", "require_sound"]

@@ -14,9 +14,9 @@ from signlin_ros.checks.look import Look
 from signlin_ros.records import ModelData
 from signlin_ros.records.table import frozen
 
-FAR = 3.0
+MAX_STEP_OVER_TIME_CONSTANT = 3.0
 """Steps of so many time constants leave nothing of a motion (5 %)."""
-BETTER = 0.9
+MAX_RESIDUAL_PART = 0.9
 """What inputs that change in between leave of the record, as a part of what inputs that are held leave, at most:
 records of either kind lie at 0.62 to 0.81 and at 1.26 to 1.47."""
 
@@ -24,7 +24,8 @@ records of either kind lie at 0.62 to 0.81 and at 1.26 to 1.47."""
 class SlowSampling(Check):
     """The samples are too far apart for the model's fastest motion.
 
-    Test: a step is more than `FAR` of its time constants, by the model's own numbers; nothing is left to chance.
+    Test: a step is more than `MAX_STEP_OVER_TIME_CONSTANT` of its time constants, by the model's own numbers; nothing
+    is left to chance.
     Cure: none; what only that motion tells is not known from this record. If even the slowest motion is over between
     two samples, the record is refused: the time is in another unit, or, where that was said, the model's parameters are
     not the machine's. Where the model follows the
@@ -44,14 +45,14 @@ class SlowSampling(Check):
         if not moving.any():
             return
         fast, slow = 1.0 / sizes[moving].max(), 1.0 / sizes[moving].min()
-        if look.step > FAR * slow:
+        if look.step > MAX_STEP_OVER_TIME_CONSTANT * slow:
             yield Finding(
                 self.name,
                 "t",
                 "refuse",
                 f"a sample every {look.step:.3g} s, while the model's slowest motion takes {slow:.3g} s{_asked(look)}",
             )
-        elif look.step > FAR * fast:
+        elif look.step > MAX_STEP_OVER_TIME_CONSTANT * fast:
             state = _fastest_state(look.base, look.model.states)
             sentence = (
                 f"a sample every {look.step:.3g} s is too slow for the model's fastest motion ({fast:.2g} s, of the"
@@ -92,7 +93,7 @@ def _goes_on(look: Look) -> bool:
     u = look.record.u.copy()
     u[:-1] = 0.5 * (u[:-1] + u[1:])
     other = Look(look.model, replace(look.record, u=frozen(u))).resisted
-    return other is not None and other.left() < BETTER * held.left()
+    return other is not None and other.left() < MAX_RESIDUAL_PART * held.left()
 
 
 def _fastest_state(base: Base, states: tuple[str, ...]) -> str:

@@ -10,7 +10,7 @@ from signlin_ros.checks.base import Check
 from signlin_ros.checks.finding import Finding
 from signlin_ros.checks.look import Look
 
-SELDOM = 0.1
+MAX_SPARSE_SHARE = 0.1
 """A channel is seldom measured that has no more than this share of the samples of the one that has most."""
 
 
@@ -28,7 +28,7 @@ class SparseChannel(Check):
         counts = {name: int(np.isfinite(look.of(name)).sum()) for name in look.channels}
         most = max(counts.values(), default=0)
         for name, count in counts.items():
-            if 0 < count < SELDOM * most:
+            if 0 < count < MAX_SPARSE_SHARE * most:
                 apart = look.duration / max(count - 1, 1)
                 yield self.note(
                     name,

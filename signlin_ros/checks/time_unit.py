@@ -8,12 +8,12 @@ from signlin_ros.checks.base import Check, timed
 from signlin_ros.checks.finding import Finding
 from signlin_ros.checks.look import Look
 from signlin_ros.checks.observer import prediction
-from signlin_ros.checks.unit_or_sign import BETTER, GOOD
+from signlin_ros.checks.unit_or_sign import MAX_ERROR_RATIO, MAX_GOOD_RESIDUAL
 from signlin_ros.records import ModelData
 
-UNITS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+TIME_UNITS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Other units of a time, in s."""
-OVER, SAMPLED = 3.0, 0.3
+LOST_STEP, SAMPLED_STEP = 3.0, 0.3
 """A step of so many time constants of the slowest motion is one after which nothing is left of it; one of fewer than
 these samples it."""
 QUESTION = "unit_of_time"
@@ -23,10 +23,10 @@ QUESTION = "unit_of_time"
 class TimeUnit(Check):
     """The samples are so far apart that the model comes to rest between them, and would not be if they were ms apart.
 
-    Test: a step is more than `OVER` of the model's slowest time constants, and less than `SAMPLED` of them in another
-    unit, the largest of which the linear base leaves at most 0.4 of what it leaves otherwise, and 0.35 of what the
-    channels do. A slow log, sampled once in a time constant, does not come to the second part: a short step leaves
-    little of any channel. What the reader asks is asked here too, whatever the model says. Cure: the conversion
+    Test: a step is more than `LOST_STEP` of the model's slowest time constants, and less than `SAMPLED_STEP` of them
+    in another unit, the largest of which the linear base leaves at most 0.4 of what it leaves otherwise, and 0.35 of
+    what the channels do. A slow log, sampled once in a time constant, does not come to the second part: a short step
+    leaves little of any channel. What the reader asks is asked here too, whatever the model says. Cure: the conversion
     (``t_in_ms``).
     """
 
@@ -38,7 +38,7 @@ class TimeUnit(Check):
         unit = _best(look)
         if unit:
             sentence = f"the record fits the model if its time is in {unit}, and not in s"
-            cure = _converted(UNITS[unit])
+            cure = _converted(TIME_UNITS[unit])
             yield Finding(self.name, "t", "refuse", sentence, f"t_in_{unit}", "it is taken so", action=cure)
         elif asked:
             yield Finding(self.name, "t", "refuse", asked)
@@ -47,12 +47,12 @@ class TimeUnit(Check):
 def _best(look: Look) -> str:
     """Return the unit in which the base follows the record; empty where that is s, or none."""
     steps = look.step * look.base.slowest if look.base is not None else 0.0
-    if look.base is None or steps <= OVER:
+    if look.base is None or steps <= LOST_STEP:
         return ""
     before = look.predicted.left() if look.predicted else 1.0
-    unit = next((unit for unit, factor in UNITS.items() if factor * steps < SAMPLED), "")
-    p = prediction(look.base, _converted(UNITS[unit])(look.record), look.channels) if unit else None
-    return unit if p is not None and p.left() < min(BETTER * before, GOOD) else ""
+    unit = next((unit for unit, factor in TIME_UNITS.items() if factor * steps < SAMPLED_STEP), "")
+    p = prediction(look.base, _converted(TIME_UNITS[unit])(look.record), look.channels) if unit else None
+    return unit if p is not None and p.left() < min(MAX_ERROR_RATIO * before, MAX_GOOD_RESIDUAL) else ""
 
 
 def _converted(factor: float) -> Callable[[ModelData], ModelData]:

@@ -7,20 +7,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.records.clean import HOLE
+from signlin_ros.records.clean import MIN_HOLE_STEPS
 
 Array = NDArray[np.float64]
 
-AGREE = 0.9
+MIN_AGREEMENT = 0.9
 """Least squared correlation of travel and integral where one follows from the other: a factor that is twice as large in
 one half of the motion has just this."""
-CLEAR = 10.0
+MIN_EXCESS_OVER_NOISE = 10.0
 """By how much both must exceed what their noise does, for anything to be said."""
 EQUAL = 0.6
 """Factors nearer to 1 than this are a matter of the sensors' gains, which a diagnosis tells."""
-SURELY, LEAST = 10.0, 0.1
+MIN_OFFSET_STANDARD_ERRORS, MIN_OFFSET_SHARE = 10.0, 0.1
 """Standard errors of an offset of the velocity that is told, and its least size, as a share of the velocity (RMS)."""
-FEWEST = 100
+MIN_TRAVEL_SAMPLES = 100
 """Fewer samples tell nothing."""
 
 
@@ -39,17 +39,17 @@ class Travel:
     @property
     def known(self) -> bool:
         """Whether one follows from the other, so that the factor is known."""
-        return self.clear > CLEAR and self.correlation > AGREE
+        return self.clear > MIN_EXCESS_OVER_NOISE and self.correlation > MIN_AGREEMENT
 
 
 def travel(t: Array, q: Array, v: Array, of_q: float, of_v: float) -> Travel | None:
     """Return how travel and integral go together, over the stretches in which the position changes most, and in which
     no sample is missing for long.
     """
-    if q.size < FEWEST:
+    if q.size < MIN_TRAVEL_SAMPLES:
         return None
     steps = np.diff(t)
-    hole = steps > HOLE * np.median(steps)  # nobody knows the velocity meanwhile
+    hole = steps > MIN_HOLE_STEPS * np.median(steps)  # nobody knows the velocity meanwhile
     path = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * steps)])
     holes = np.concatenate([[0], np.cumsum(hole)])
     found = [(w, holes[w:] == holes[:-w]) for w in (2**k for k in range(1, 14)) if w <= q.size // 10]
@@ -61,7 +61,7 @@ def travel(t: Array, q: Array, v: Array, of_q: float, of_v: float) -> Travel | N
     noise = max(np.sqrt(2.0) * of_q, 1e-300), max(of_v * float(np.median(steps)) * np.sqrt(w), 1e-300)
     pairs = [_regressed(dq, dp, noise), _regressed(dq - dq.mean(), dp - dp.mean(), noise)]
     best = max((one for one in pairs if one is not None), key=lambda one: one.correlation, default=None)
-    if best is None or best.correlation <= AGREE:
+    if best is None or best.correlation <= MIN_AGREEMENT:
         return best
     return replace(best, offset=_offset(dq, dp, w, w * float(np.median(steps))))
 
@@ -76,8 +76,8 @@ def _offset(dq: Array, dp: Array, count: int, time: float) -> float:
     factor = float(np.mean(around * (dp - dp.mean()))) / spread**2
     left = dp - factor * dq
     error = float(left.std()) / np.sqrt(dq.size / count)
-    large = abs(left.mean()) > LEAST * float(np.sqrt(np.mean((factor * dq) ** 2)))
-    return float(left.mean()) / time if large and abs(left.mean()) > SURELY * error else 0.0
+    large = abs(left.mean()) > MIN_OFFSET_SHARE * float(np.sqrt(np.mean((factor * dq) ** 2)))
+    return float(left.mean()) / time if large and abs(left.mean()) > MIN_OFFSET_STANDARD_ERRORS * error else 0.0
 
 
 def _regressed(dq: Array, dp: Array, noise: tuple[float, float]) -> Travel | None:
@@ -92,4 +92,4 @@ def _regressed(dq: Array, dp: Array, noise: tuple[float, float]) -> Travel | Non
     return Travel(float(np.sign(r)) * sizes[1] / sizes[0], r * r, clear)
 
 
-__all__ = ["AGREE", "CLEAR", "EQUAL", "Travel", "travel"]
+__all__ = ["EQUAL", "MIN_AGREEMENT", "MIN_EXCESS_OVER_NOISE", "Travel", "travel"]

@@ -9,24 +9,24 @@ from numpy.typing import NDArray
 
 from signlin_ros.checks.base import Check, changed, without_samples
 from signlin_ros.checks.finding import Finding
-from signlin_ros.checks.look import LEAST, Look
+from signlin_ros.checks.look import MIN_SAMPLES, Look
 from signlin_ros.errors import joined
 from signlin_ros.noise import noise_level
 
 Array = NDArray[np.float64]
 
-FAR = 8.0
+MIN_ZERO_DISTANCE = 8.0
 """A zero between two values that are so many times the noise away from it is no measurement of the same thing."""
-ALIKE = 0.5
+MAX_NEIGHBOUR_DIFFERENCE = 0.5
 """The values on both sides of it differ by less than this share of their size."""
-FEW, MOST = 5, 0.6
+MIN_ZEROS, MAX_ZERO_SHARE = 5, 0.6
 """Least number, and largest share, of zeros between values."""
 BRIEF, BURST = 3, 30
 """Samples from value to value within which zeros stand between them; and where a channel is never 0 otherwise, for its
 noise: so long a reading may fail."""
 SUDDEN = 2.0
 """How much larger than the usual change (its 90 % quantile) the step into a burst is."""
-TURNS = (2, 3, 4)
+SOURCE_COUNTS = (2, 3, 4)
 """Numbers of sources that are looked for."""
 SMOOTHER = 0.05
 """Mean squared steps from turn to turn, as a share of those from sample to sample, where sources alternate."""
@@ -36,10 +36,11 @@ class TwoSources(Check):
     """Two publishers, or a driver that writes 0 where a reading failed: zeros stand between values far from zero, or
     every second (third, fourth) sample belongs to another curve.
 
-    Test: a zero counts that lies `FAR` standard deviations from both neighbours, which are alike: by chance none in
-    10^9 samples; or the steps over one turn are `SMOOTHER` than those between neighbours, which of white noise are as
-    large, and of any motion larger. Cure: zeros of a measured channel are no samples of it, and are left out; of an
-    input they may have reached the drive, and somebody must say (``hold_NAME``). Two other sources are refused.
+    Test: a zero counts that lies `MIN_ZERO_DISTANCE` standard deviations from both neighbours, which are alike: by
+    chance none in 10^9 samples; or the steps over one turn are `SMOOTHER` than those between neighbours, which of
+    white noise are as large, and of any motion larger. Cure: zeros of a measured channel are no samples of it, and are
+    left out; of an input they may have reached the drive, and somebody must say (``hold_NAME``). Two other sources are
+    refused.
     """
 
     name = "two_sources"
@@ -111,7 +112,7 @@ def _zeros(values: Array, longest: int = BRIEF) -> NDArray[np.bool_] | None:
     """
     zero = values == 0.0
     rest = np.flatnonzero(~zero & np.isfinite(values))
-    if not FEW <= zero.sum() <= MOST * values.size or rest.size < LEAST:
+    if not MIN_ZEROS <= zero.sum() <= MAX_ZERO_SHARE * values.size or rest.size < MIN_SAMPLES:
         return None
     at = np.flatnonzero(zero)
     k = np.searchsorted(rest, at)
@@ -121,14 +122,19 @@ def _zeros(values: Array, longest: int = BRIEF) -> NDArray[np.bool_] | None:
     noise = noise_level(np.arange(rest.size, dtype=float)[:20_000], values[rest][:20_000])
     sigma = noise.sigma
     size = np.minimum(np.abs(before), np.abs(after))
-    close = np.abs(before - after) < ALIKE * size
+    close = np.abs(before - after) < MAX_NEIGHBOUR_DIFFERENCE * size
     usual = float(np.quantile(np.abs(np.diff(values[rest])), 0.9))
-    same = (np.sign(before) == np.sign(after)) & (size > SUDDEN * usual) & (size > FAR * sigma) & (sigma > 0.0)
+    same = (
+        (np.sign(before) == np.sign(after))
+        & (size > SUDDEN * usual)
+        & (size > MIN_ZERO_DISTANCE * sigma)
+        & (sigma > 0.0)
+    )
     wide = rest[k] - rest[k - 1]
     brief = (wide <= BRIEF) | ((wide <= longest) & same)
     close = close | ((wide > BRIEF) & same)
-    jumps = at[brief & close & (size > FAR * sigma)]
-    if jumps.size < FEW or jumps.size < 0.3 * at.size or np.unique(values[rest]).size < LEAST:
+    jumps = at[brief & close & (size > MIN_ZERO_DISTANCE * sigma)]
+    if jumps.size < MIN_ZEROS or jumps.size < 0.3 * at.size or np.unique(values[rest]).size < MIN_SAMPLES:
         return None
     found = np.zeros(values.size, dtype=bool)
     never = noise.quantum == 0.0 and sigma > 0.0  # its noise makes no exact 0
@@ -138,12 +144,12 @@ def _zeros(values: Array, longest: int = BRIEF) -> NDArray[np.bool_] | None:
 
 def _turns(values: Array) -> int:
     """Return by how many sources values (T,) are written in turns; 0 where by one."""
-    if values.size < 5 * LEAST:
+    if values.size < 5 * MIN_SAMPLES:
         return 0
     first = float(np.mean(np.diff(values) ** 2))
     if first == 0.0:
         return 0
-    return next((m for m in TURNS if np.mean((values[m:] - values[:-m]) ** 2) < SMOOTHER * first), 0)
+    return next((m for m in SOURCE_COUNTS if np.mean((values[m:] - values[:-m]) ** 2) < SMOOTHER * first), 0)
 
 
 def _without(values: Array, drop: NDArray[np.bool_]) -> Array:

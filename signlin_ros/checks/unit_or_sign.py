@@ -9,30 +9,30 @@ from signlin_ros.checks.base import OfColumns, values_of, with_channel
 from signlin_ros.checks.effort_scale import effort_scale
 from signlin_ros.checks.finding import Finding
 from signlin_ros.checks.look import Look
-from signlin_ros.checks.observer import Prediction, Together
-from signlin_ros.checks.readings import NEAR, Reading, gear, gears, pairs, signs, units
+from signlin_ros.checks.observer import LinearPrediction, Together
+from signlin_ros.checks.readings import MAX_FACTOR_RATIO, Reading, gear, gears, pairs, signs, units
 from signlin_ros.checks.travel import EQUAL
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.records.notes import as_notes
 
-BETTER = 0.4
+MAX_ERROR_RATIO = 0.4
 """What is left with another unit or sign, as a share of what is left without (geometric mean over the channels)."""
-GOOD = 0.35
+MAX_GOOD_RESIDUAL = 0.35
 """What is left, as a share of what the channels do, where the model follows the record."""
 EACH = 0.7
 """And what is left of each channel at most."""
-AS_GOOD = 1.25
+MAX_EQUAL_RATIO = 1.25
 """Explanations that leave no more than so many times the least are told beside it."""
 STRICTER = 0.5
 """What may be left, as a share of the limit, where two signals are read otherwise, or one by any factor: among so many
 readings one is better by chance, or for what the model lacks."""
-NEEDED = 0.7
+MAX_NEEDED_RATIO = 0.7
 """What is left, as a share of what is left without any input: what no input moves tells of no unit."""
 GUESS = 0.5
 """A tolerance of the model's parameters from which on they are guesses: then a factor, or two units, are no reason to
 refuse."""
-PARTS = (-1.0, -0.5, 0.5, 1.0)
+TOLERANCE_PARTS = (-1.0, -0.5, 0.5, 1.0)
 """Of its tolerance, by which a guess may be off."""
 
 
@@ -40,13 +40,13 @@ class UnitOrSign(OfColumns):
     """The model follows the record much better if a channel is in another unit, or reversed.
 
     Test: a constant observer of the linear base, beside dry friction, a load and gravity of any size, and from any
-    start, leaves at most `BETTER` of what it leaves otherwise, and at most `GOOD` of what the channels do, or
-    `STRICTER` of either with a factor that is no unit's; the factor that suits best lies within `NEAR` of the unit's.
-    What a model lacks, or has wrong by tens of per cent, does not move its prediction that far: none of 200 clean
-    records and none of those with hidden effects of the benchmark (benchmarks/checks.py) reads better so. Cure: the
-    conversion (``speed_in_rpm``; offered only where the motion hardly needs its input, as it may be noise that leaves
-    more than none does), the other sign (``reverse_voltage``), or a factor where no unit is known
-    (``scale_speed``).
+    start, leaves at most `MAX_ERROR_RATIO` of what it leaves otherwise, and at most `MAX_GOOD_RESIDUAL` of what the
+    channels do, or `STRICTER` of either with a factor that is no unit's; the factor that suits best lies within
+    `MAX_FACTOR_RATIO` of the unit's. What a model lacks, or has wrong by tens of per cent, does not move its
+    prediction that far: none of 200 clean records and none of those with hidden effects of the benchmark
+    (benchmarks/checks.py) reads better so. Cure: the conversion (``speed_in_rpm``; offered only where the motion
+    hardly needs its input, as it may be noise that leaves more than none does), the other sign (``reverse_voltage``),
+    or a factor where no unit is known (``scale_speed``).
     """
 
     name = "unit_or_sign"
@@ -71,7 +71,7 @@ class UnitOrSign(OfColumns):
         p = parts[0] if len(parts) == 1 else Together.of(parts)
         look = looks[0]
         before = p.left()
-        limit = min(BETTER * before, GOOD)
+        limit = min(MAX_ERROR_RATIO * before, MAX_GOOD_RESIDUAL)
         fits = _fitting(looks, p, limit, (*signs(look, p), *units(look, p)))
         strict = STRICTER * limit
         fits = fits or _fitting(looks, p, strict, pairs(look, p)) or _fitting(looks, p, strict, gears(look, p))
@@ -79,10 +79,14 @@ class UnitOrSign(OfColumns):
         if not fits:
             return
         best = min(left for left, _ in fits)
-        if best >= BETTER * _guesses_moved(looks, before):
+        if best >= MAX_ERROR_RATIO * _guesses_moved(looks, before):
             return
-        likely = sorted((item for item in fits if item[0] <= AS_GOOD * best), key=lambda item: _rank(look, item[1]))
-        needed = best < BETTER * p.left(dict.fromkeys(look.record.inputs, 0.0))  # a noisy input leaves more than none
+        likely = sorted(
+            (item for item in fits if item[0] <= MAX_EQUAL_RATIO * best), key=lambda item: _rank(look, item[1])
+        )
+        needed = best < MAX_ERROR_RATIO * p.left(
+            dict.fromkeys(look.record.inputs, 0.0)
+        )  # a noisy input leaves more than none
         for number, (_, reading) in enumerate(likely[:3]):
             yield self._finding(look, reading, likely[0][1] if number else None, needed)
 
@@ -112,7 +116,7 @@ def _guessed(model: Model) -> bool:
 
 
 def _by_force(
-    looks: Sequence[Look], p: Prediction | Together, fits: list[tuple[float, Reading]]
+    looks: Sequence[Look], p: LinearPrediction | Together, fits: list[tuple[float, Reading]]
 ) -> list[tuple[float, Reading]]:
     """Return readings without units of an effort that its forces contradict: with the factor that these tell."""
     name = next(iter(looks[0].record.inputs), "")
@@ -127,7 +131,7 @@ def _by_force(
 
 
 def _near(factor: float, scale: float) -> bool:
-    return 1.0 / NEAR < factor / scale < NEAR
+    return 1.0 / MAX_FACTOR_RATIO < factor / scale < MAX_FACTOR_RATIO
 
 
 def _guesses_moved(looks: Sequence[Look], left: float) -> float:
@@ -138,7 +142,7 @@ def _guesses_moved(looks: Sequence[Look], left: float) -> float:
     guesses = [n for n, value in nominal.parameters.items() if value and nominal.tolerance_of(n) >= GUESS]
     best = {n: nominal.parameters[n] for n in guesses}
     for name in guesses * min(len(guesses), 2):
-        for part in PARTS:
+        for part in TOLERANCE_PARTS:
             moved = {**best, name: nominal.parameters[name] * math.exp(part * nominal.tolerance_of(name))}
             model = nominal.with_parameters(moved)
             found = [p for p in (Look(model, look.record).resisted for look in looks) if p is not None]
@@ -159,7 +163,7 @@ def divided(factors: Mapping[str, float]) -> Callable[[ModelData], ModelData]:
 
 
 def _fitting(
-    looks: Sequence[Look], p: Prediction | Together, limit: float, readings: Iterable[Reading]
+    looks: Sequence[Look], p: LinearPrediction | Together, limit: float, readings: Iterable[Reading]
 ) -> list[tuple[float, Reading]]:
     """Return the readings with which less than the limit is left, and what is; such as position and velocity allow."""
     look = looks[0]
@@ -169,9 +173,9 @@ def _fitting(
     return [(value, r) for value, r in good if p.shares(r.scales).max() < EACH and driven(look, p, value, r.scales)]
 
 
-def driven(look: Look, p: Prediction | Together, left: float, scales: Mapping[str, float] | None = None) -> bool:
+def driven(look: Look, p: LinearPrediction | Together, left: float, scales: Mapping[str, float] | None = None) -> bool:
     """Tell whether what is left (of signals times scales) needs the inputs at all: without them more would be left."""
-    return left < NEEDED * p.left({**(scales or {}), **dict.fromkeys(look.record.inputs, 0.0)})
+    return left < MAX_NEEDED_RATIO * p.left({**(scales or {}), **dict.fromkeys(look.record.inputs, 0.0)})
 
 
 def _consistent(look: Look, factors: Mapping[str, float]) -> bool:

@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from signlin_ros.checks.base import Check
 from signlin_ros.checks.finding import Finding
-from signlin_ros.checks.look import LEAST, Look
+from signlin_ros.checks.look import MIN_SAMPLES, Look
 from signlin_ros.checks.observer import Followed, prediction
 
 Array = NDArray[np.float64]
 
 BOTH = 0.1
 """Least share of the time that the drive moves either way, clear of its noise."""
-BETTER = 0.5
+MAX_SIGNED_RATIO = 0.5
 """What the model leaves if the input had the sign that it needs, as a share of what it leaves without."""
 GUESSED = "signed"
 PULSE = 60
@@ -28,9 +28,9 @@ class UnsignedInput(Check):
     """The input never changes sign though the drive runs both ways: its direction stands in another column.
 
     Test: it moves one tenth of the time either way; the linear base needs an input of either sign for a tenth of the
-    time, and with these signs leaves `BETTER` of what it leaves without. A load or a spring that drives back needs no
-    such input. Of a right record the base needs hardly any sign but the input's. Cure: none, a sign that the model
-    asks for is no measurement. Refused, with the mapping that would state it.
+    time, and with these signs leaves `MAX_SIGNED_RATIO` of what it leaves without. A load or a spring that drives back
+    needs no such input. Of a right record the base needs hardly any sign but the input's. Cure: none, a sign that the
+    model asks for is no measurement. Refused, with the mapping that would state it.
     """
 
     name = "unsigned_input"
@@ -47,7 +47,7 @@ class UnsignedInput(Check):
             if sign is None or min(np.mean(sign > 0), np.mean(sign < 0)) < BOTH:
                 continue
             p = prediction(look.base, look.record, look.channels, {GUESSED: u * sign})
-            if p is None or p.left({name: 0.0, GUESSED: 1.0}) > BETTER * p.left({GUESSED: 0.0}):
+            if p is None or p.left({name: 0.0, GUESSED: 1.0}) > MAX_SIGNED_RATIO * p.left({GUESSED: 0.0}):
                 continue
             yield Finding(self.name, name, "refuse", _sentence(look, name))
 
@@ -67,7 +67,7 @@ def _velocity(look: Look) -> Array | None:
     if v is None:
         return None
     both = min(float(np.mean(v > 0)), float(np.mean(v < 0)))
-    return v if v.size > LEAST and both > BOTH else None
+    return v if v.size > MIN_SAMPLES and both > BOTH else None
 
 
 def required_sign(f: Followed, t: Array) -> Array:

@@ -11,7 +11,7 @@ from signlin_ros.checks.finding import Finding
 from signlin_ros.checks.look import Look
 from signlin_ros.records.outliers import wild
 
-SHOWN = 3
+MAX_SHOWN_TIMES = 3
 """Times that are told."""
 
 
@@ -34,7 +34,9 @@ class WildSamples(Check):
             if not off.any():
                 continue
             values, times = look.of(name)[off], look.t[off]
-            when = ", ".join(f"{t:.6g}" for t in times[:SHOWN]) + (", ..." if times.size > SHOWN else "")
+            when = ", ".join(f"{t:.6g}" for t in times[:MAX_SHOWN_TIMES]) + (
+                ", ..." if times.size > MAX_SHOWN_TIMES else ""
+            )
             most = f"up to {values[int(np.argmax(np.abs(values)))]:.4g} {look.unit(name)}"
             one = times.size == 1
             lies, what = ("lies far from its", "a lost reading") if one else ("lie far from their", "lost readings")

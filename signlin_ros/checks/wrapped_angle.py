@@ -7,10 +7,10 @@ from collections.abc import Iterator
 
 from signlin_ros.checks.base import Check, changed
 from signlin_ros.checks.finding import Finding
-from signlin_ros.checks.look import LEAST, Look
+from signlin_ros.checks.look import MIN_SAMPLES, Look
 from signlin_ros.checks.wrapping import unwrapped, wraps
 
-TURNS = (2.0 * math.pi, 360.0)
+WHOLE_TURNS = (2.0 * math.pi, 360.0)
 """A whole turn, in rad and, where a column says nothing of its unit, in degrees."""
 
 
@@ -28,12 +28,12 @@ class WrappedAngle(Check):
     def find(self, look: Look) -> Iterator[Finding]:
         """Yield the position that wraps."""
         name = look.position
-        if name not in look.channels or look.finite(name)[1].size < LEAST:
+        if name not in look.channels or look.finite(name)[1].size < MIN_SAMPLES:
             return
-        found = wraps(look.finite(name)[1], TURNS if look.unit(name) in ("rad", "m") else ())
+        found = wraps(look.finite(name)[1], WHOLE_TURNS if look.unit(name) in ("rad", "m") else ())
         if found is None:
             return
-        turn = found.period in TURNS
+        turn = found.period in WHOLE_TURNS
         what = "a whole turn" if turn else f"{found.period:.6g} {look.unit(name)}, the range of a counter,"
         times = "once" if found.count == 1 else f"{found.count} times"
         yield Finding(

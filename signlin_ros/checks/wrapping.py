@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-JUMP = 0.4
+MIN_WRAP_STEP = 0.4
 """A wrap is a step of more than this share of the range."""
-EXACT = 0.02
+PERIOD_TOLERANCE = 0.02
 """By how much of the period steps may miss it, beside what neighbouring steps differ by."""
-AGREE = 0.95
+MIN_JUMPS_ALIKE = 0.95
 """Share of the jumps that must be of one period."""
-SLOW = 0.4
+MAX_ORDINARY_STEP = 0.4
 """Ordinary steps are below this share of the period, or nothing tells where it was passed."""
 
 
@@ -35,19 +35,19 @@ def wraps(values: Array, periods: tuple[float, ...] = ()) -> Wraps | None:
     """
     steps = np.diff(values)
     span = float(np.ptp(values))
-    at = np.flatnonzero(np.abs(steps) > JUMP * span)
+    at = np.flatnonzero(np.abs(steps) > MIN_WRAP_STEP * span)
     if not at.size or at.size > 0.25 * steps.size:
         return None
     rest = np.delete(steps, at)
     usual = np.interp(at, np.delete(np.arange(steps.size), at), rest)
     beyond = np.abs(steps[at] - usual)
     usually = float(np.median(beyond))
-    period = next((p for p in periods if abs(usually - p) < EXACT * p), usually)
-    allowed = EXACT * period + 3.0 * float(np.percentile(np.abs(rest), 99))
+    period = next((p for p in periods if abs(usually - p) < PERIOD_TOLERANCE * p), usually)
+    allowed = PERIOD_TOLERANCE * period + 3.0 * float(np.percentile(np.abs(rest), 99))
     onward = float(np.mean(np.sign(steps[at]) * usual < 0.0)) > 0.8
-    fits = float(np.mean(np.abs(beyond - period) < allowed)) >= AGREE and span < 1.02 * period + allowed
+    fits = float(np.mean(np.abs(beyond - period) < allowed)) >= MIN_JUMPS_ALIKE and span < 1.02 * period + allowed
     known = period in periods
-    if not fits or float(np.percentile(np.abs(rest), 99)) > SLOW * period:
+    if not fits or float(np.percentile(np.abs(rest), 99)) > MAX_ORDINARY_STEP * period:
         return None
     if not known and (not onward or at.size < 2):
         return None

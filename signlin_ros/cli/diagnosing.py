@@ -104,13 +104,13 @@ def _learned(
     from signlin_ros.follow.data import load_sides
     from signlin_ros.guard import check_files, check_sides
     from signlin_ros.learning.missing import add_learned
-    from signlin_ros.model import SUFFIXES, Model
+    from signlin_ros.model import MODEL_SUFFIXES, Model
 
     original = Model.load(model)
     if is_arm(original):
         raise InputError("learned_force: is not learned for an arm")
     refuse_elsewhere(original, band, fit_share)
-    check_files(original, data, validation, output, SUFFIXES)
+    check_files(original, data, validation, output, MODEL_SUFFIXES)
     loaded, first, second = load_sides(original, data, validation, mapping)
     first, second = sides(first, second)
     first, second, findings = check_sides(loaded, first, second, cures)
@@ -156,10 +156,10 @@ def _diagnosed(
     from signlin_ros.files import write_text
     from signlin_ros.follow.data import load_sides
     from signlin_ros.guard import check_files, check_sides
-    from signlin_ros.model import SUFFIXES, Model
+    from signlin_ros.model import MODEL_SUFFIXES, Model
 
     original = Model.load(model)
-    check_files(original, data, validation, output, SUFFIXES, report)
+    check_files(original, data, validation, output, MODEL_SUFFIXES, report)
     if is_arm(original):
         if report is not None:
             refuse(original, "--report")

@@ -17,7 +17,7 @@ from signlin_ros.cli.values import numbers_of
 from signlin_ros.errors import InputError
 
 if TYPE_CHECKING:
-    from signlin_ros.experiment.setting import Known
+    from signlin_ros.experiment.setting import KnownLimits
     from signlin_ros.model import Model
     from signlin_ros.records import ModelData
 
@@ -82,7 +82,7 @@ def experiment(
     files = [_found(path, source) for path in told["data"]] if told else list(data)
     mapping = mapping_of(signals, *files)
     from signlin_ros.experiment.text import experiment_text
-    from signlin_ros.experiment.verbs import Wishes, designed
+    from signlin_ros.experiment.verbs import ExperimentWishes, designed
     from signlin_ros.files import write_text
     from signlin_ros.follow.data import load_sides
     from signlin_ros.guard import check_files, check_sides
@@ -94,7 +94,7 @@ def experiment(
     first, _, _ = check_sides(loaded, first, None, cures)
     rivals = _rivals(told, loaded, first, names, jobs)
     dt = click.get_current_context().meta.get("signlin.dt")
-    wishes = Wishes(tuple(names), numbers, duration, dt, spare, seed)
+    wishes = ExperimentWishes(tuple(names), numbers, duration, dt, spare, seed)
     model = "MODEL" if told else source
     after = command_line(
         ("diagnose", model, *files, output), validation=_again(output), signal=signals, cure=cures, output=None
@@ -154,7 +154,7 @@ def _found(path: str, beside: str) -> str:
 
 def _rivals(
     told: Mapping[str, Any] | None, model: Model, records: Sequence[ModelData], between: Sequence[str], jobs: int | None
-) -> list[Known]:
+) -> list[KnownLimits]:
     """Return the rivals of a diagnosis, made now where none is told; with what was named and is not among them."""
     from signlin_ros.experiment.naming import open_names, with_named
     from signlin_ros.experiment.setting import known_rivals

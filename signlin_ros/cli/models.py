@@ -13,7 +13,7 @@ from signlin_ros.cli.telling import progress, tell
 from signlin_ros.cli.values import by_own_name, numbers_of, positive
 from signlin_ros.errors import InputError
 
-METHODS = ("optimal", "termwise", "jacobian", "per_joint")
+METHOD_CHOICES = ("optimal", "termwise", "jacobian", "per_joint")
 KINDS = ("exact", "smooth", "piecewise")
 
 
@@ -26,7 +26,7 @@ signlin linearize bouc_wen --at displacement=0.01,velocity=-0.2 --json""",
 @click.argument("model")
 @click.option("--at", "at", multiple=True, metavar="NAME=NUMBER,...", help="The operating point's states.")
 @click.option("--input", "inputs", multiple=True, metavar="NAME=NUMBER,...", help="The operating point's inputs.")
-@click.option("--method", type=click.Choice(METHODS), help="How to linearize; default: as the model file says.")
+@click.option("--method", type=click.Choice(METHOD_CHOICES), help="How to linearize; default: as the model file says.")
 @json_option
 def linearize(model: str, at: tuple[str, ...], inputs: tuple[str, ...], method: str | None) -> Report:
     """Print A, B and c of MODEL at an operating point.
@@ -86,11 +86,11 @@ def simulate(
     from signlin_ros.checks.run import check as cured
     from signlin_ros.guard import check_files
     from signlin_ros.model import Model
-    from signlin_ros.records import SUFFIXES, read_for_model, write_record
+    from signlin_ros.records import RECORD_SUFFIXES, read_for_model, write_record
     from signlin_ros.simulation import simulate as run
 
     loaded = Model.load(model)
-    check_files(loaded, (data,), output=output, kinds=SUFFIXES)
+    check_files(loaded, (data,), output=output, kinds=RECORD_SUFFIXES)
     record = read_for_model(data, loaded, mapping)
     if cures:
         (record,), _ = cured(loaded, [record], cures)
@@ -143,4 +143,4 @@ def gains(model: str, at: tuple[str, ...], **numbers: float | None) -> Report:
     return gains_content(loaded, own, Wishes(**cast("dict[str, Any]", numbers))), gains_text
 
 
-__all__ = ["KINDS", "METHODS", "gains", "linearize", "simulate"]
+__all__ = ["KINDS", "METHOD_CHOICES", "gains", "linearize", "simulate"]

@@ -7,35 +7,35 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.criteria import DEFAULT
-from signlin_ros.diagnosis.motion import Motion
+from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA
+from signlin_ros.diagnosis.output_error import OutputErrorEstimator
 from signlin_ros.diagnosis.verbs import diagnose
 from signlin_ros.fitting.prepare import prepared
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.simulation import simulate
 
-STEP, SAMPLES = 0.005, 800
+WARMING_STEP, WARMING_SAMPLES = 0.005, 800
 """Sampling time in s, and how many samples a record has."""
-MOTOR = {"R_a": 1.0, "L_a": 0.0, "K_t": 0.1, "K_m": 0.1, "B": 1e-4, "J": 1e-3}
+WARMING_MOTOR = {"R_a": 1.0, "L_a": 0.0, "K_t": 0.1, "K_m": 0.1, "B": 1e-4, "J": 1e-3}
 """A small motor, in SI units."""
 
 
 def warm_up() -> float:
     """Diagnose a short simulated record that lacks friction, and follow it with a play; returns the seconds taken."""
     begun = time.perf_counter()
-    model = Model.from_dict({"plant": "dc_motor", "parameters": MOTOR})
+    model = Model.from_dict({"plant": "dc_motor", "parameters": WARMING_MOTOR})
     truth = model.with_effect("coulomb_friction", None, mu=0.02)
     known, unseen = _record(truth, 1), _record(truth, 2)
     diagnose(model, known, unseen, jobs=1)
-    motion = Motion(*prepared(model, [known], [unseen]), DEFAULT, jobs=1)
+    motion = OutputErrorEstimator(*prepared(model, [known], [unseen]), DEFAULT_CRITERIA, jobs=1)
     motion.stated(["backlash"], model.with_effect("backlash", None, gap=0.5, k=20.0, c=0.05, J=5e-4))
     return time.perf_counter() - begun
 
 
 def _record(truth: Model, seed: int) -> ModelData:
     rng = np.random.default_rng(seed)
-    t: NDArray[np.float64] = STEP * np.arange(SAMPLES, dtype=np.float64)
+    t: NDArray[np.float64] = WARMING_STEP * np.arange(WARMING_SAMPLES, dtype=np.float64)
     tones = 2.0 * np.pi * rng.uniform(0.5, 5.0, 4)
     u = 2.0 * np.sin(tones * t[:, None] + rng.uniform(0.0, 6.0, 4)).sum(axis=1)[:, None]
     speed = simulate(truth, t, u).x[:, truth.states.index("speed")]

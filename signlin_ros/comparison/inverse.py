@@ -13,7 +13,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.comparison.piece import Piece, best_cutoff, missing_force, piece, recorded, stamped, tells_force
+from signlin_ros.comparison.force_segment import (
+    ForceSegment,
+    best_cutoff,
+    force_segment,
+    missing_force,
+    recorded,
+    stamped,
+    tells_force,
+)
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
@@ -22,7 +30,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Inverse:
+class InverseError:
     """How far the computed effort is off, behind the low-pass: ``name`` and ``unit`` of the effort, ``rmse`` in that
     unit, 100 |tau - tauhat| / |tau| (None without effort), ``cutoff_hz``; every ``decimation``-th sample is compared.
     """
@@ -45,7 +53,7 @@ class Efforts:
 
     name: str
     step: float
-    pieces: tuple[Piece, ...]
+    pieces: tuple[ForceSegment, ...]
 
     @classmethod
     def of(cls, model: Model, parts: Sequence[ModelData], share: float, cutoff: float | None = None) -> Efforts | None:
@@ -61,10 +69,10 @@ class Efforts:
         elif not 0 < cutoff < 0.5 / step:
             half = f"half the sampling rate, {0.5 / step:g} Hz"
             raise InputError(f"cutoff: found {cutoff:g} Hz; allowed: above 0 and below {half}")
-        moving = tuple(one for one in (piece(model, part, cutoff) for part in parts) if one.moves)
+        moving = tuple(one for one in (force_segment(model, part, cutoff) for part in parts) if one.moves)
         return cls(name, step, moving) if moving else None
 
-    def inverse(self, model: Model, units: Mapping[str, str]) -> Inverse:
+    def inverse(self, model: Model, units: Mapping[str, str]) -> InverseError:
         """Return what a model's effort, computed from the motion, is off by; ``units`` of the record."""
         name, unit = self.name, units.get(self.name) or model.units[self.name]
         if name == "current":
@@ -73,7 +81,7 @@ class Efforts:
         left = stamped(self.missing(model), self._seen(lambda p: p.late))
         rmse = float(np.sqrt(np.mean(left**2)))
         every = round(first.step * float(np.diff(first.kept).min()) / self.step)
-        return Inverse(name, unit, rmse, 100.0 * rmse / size if size > 0 else None, first.cutoff, every)
+        return InverseError(name, unit, rmse, 100.0 * rmse / size if size > 0 else None, first.cutoff, every)
 
     @cached_property
     def measured(self) -> Array:
@@ -89,8 +97,8 @@ class Efforts:
         known = name in (*model.inputs, *model.states)
         return self._seen(lambda p: p.values[name]) if known else None
 
-    def _seen(self, shown: Callable[[Piece], Array]) -> Array:
+    def _seen(self, shown: Callable[[ForceSegment], Array]) -> Array:
         return np.concatenate([p.seen(shown(p)) for p in self.pieces])
 
 
-__all__ = ["Efforts", "Inverse"]
+__all__ = ["Efforts", "InverseError"]

@@ -16,7 +16,7 @@ from scipy.signal import welch
 
 from signlin_ros.comparison.missing import Missing
 from signlin_ros.comparison.scene import Scene, Split, time_to
-from signlin_ros.comparison.situations import FAMILIES, rounded
+from signlin_ros.comparison.situations import SPLIT_FAMILIES, rounded
 from signlin_ros.follow.observer import Observer
 
 Array = NDArray[np.float64]
@@ -26,8 +26,9 @@ LEAST_SEGMENT = 64
 """Samples of a segment whose spectrum is taken."""
 SIGNIFICANT = 3.0
 """So many standard errors, from sums over blocks, must the share of the error exceed the share of the time."""
-LARGE, FEW, RARE = 0.3, 2.2, 0.005
-"""An excess above `LARGE` needs only `FEW` standard errors if no more than `RARE` of all shifts in time match it."""
+LARGE_EXCESS, MIN_EXCESS_ERRORS, MAX_SHIFT_SHARE = 0.3, 2.2, 0.005
+"""An excess above `LARGE_EXCESS` needs only `MIN_EXCESS_ERRORS` standard errors if no more than `MAX_SHIFT_SHARE` of
+all shifts in time match it."""
 SHADOW = 2.5
 """The same once what the situations above it explain is taken out."""
 MATTERS, LIFT = 10.0, 1.2
@@ -70,7 +71,7 @@ def locate(observer: Observer, lacking: Sequence[Missing], units: Mapping[str, s
     if not lacking:
         return ()
     scene = Scene(observer, lacking, units)
-    best = [max(found, key=lambda s: s.gain) for family in FAMILIES if (found := [s for s in family(scene) if s])]
+    best = [max(found, key=lambda s: s.gain) for family in SPLIT_FAMILIES if (found := [s for s in family(scene) if s])]
     kept: list[Split] = []
     error = scene.error
     for split in sorted(best, key=lambda s: -s.gain):
@@ -85,7 +86,11 @@ def _significant(scene: Scene, split: Split) -> bool:
     if split.gain < max(MATTERS / 100, (LIFT - 1) * float(split.mask.mean())):
         return False
     errors = scene.excess(split.mask, scene.error)
-    by_place = split.gain > LARGE and errors > FEW and scene.as_large_elsewhere(split.mask) < RARE
+    by_place = (
+        split.gain > LARGE_EXCESS
+        and errors > MIN_EXCESS_ERRORS
+        and scene.as_large_elsewhere(split.mask) < MAX_SHIFT_SHARE
+    )
     return errors > SIGNIFICANT or by_place
 
 

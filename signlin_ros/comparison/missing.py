@@ -16,11 +16,11 @@ from signlin_ros.checks.linear import linear_base
 from signlin_ros.comparison.equations import bare, mass
 from signlin_ros.engine.compiling import compiled
 from signlin_ros.errors import InputError
-from signlin_ros.follow.observer import TRUSTS, Design, Observer
+from signlin_ros.follow.observer import OBSERVER_TRUSTS, Observer, ObserverDesign
 
 Array = NDArray[np.float64]
 
-CLEAR, WORTH = 3.0, 0.005
+MIN_OVER_NOISE, MIN_EQUATION_SHARE = 3.0, 0.005
 """How many times the noise that is missing, and which share of what the equation holds, is clear."""
 FREQUENCIES = 512
 """Frequencies at which the smoother is evaluated, up to Nyquist's."""
@@ -44,7 +44,7 @@ class Missing:
     @property
     def clear(self) -> bool:
         """Whether what is missing stands out of the noise at all."""
-        return self.rms > max(CLEAR * self.noise, WORTH * self.typical)
+        return self.rms > max(MIN_OVER_NOISE * self.noise, MIN_EQUATION_SHARE * self.typical)
 
     @cached_property
     def rms(self) -> float:
@@ -75,8 +75,8 @@ def missing(observer: Observer, units: Mapping[str, str]) -> tuple[Missing, ...]
     if plant.velocity not in observer.model.states:
         return _beside_motion(observer, units) if plant.effort in observer.channels else ()
     equations = _equations(observer, units.get(plant.effort, plant.force_unit))
-    trusts, clear, found = dict.fromkeys(observer.disturbed, TRUSTS[-1]), set[int](), list[Missing]()
-    for trust in reversed(TRUSTS):
+    trusts, clear, found = dict.fromkeys(observer.disturbed, OBSERVER_TRUSTS[-1]), set[int](), list[Missing]()
+    for trust in reversed(OBSERVER_TRUSTS):
         trusts |= {e.state: trust for e in equations if e.state not in clear}
         design = observer.design(trusts)
         found = [_missing(observer, e, design) for e in equations]
@@ -108,7 +108,7 @@ def _equations(observer: Observer, force_unit: str) -> list[_Equation]:
     return found
 
 
-def _missing(observer: Observer, equation: _Equation, design: Design) -> Missing:
+def _missing(observer: Observer, equation: _Equation, design: ObserverDesign) -> Missing:
     row = design.spread[equation.state] / equation.per_unit
     noise, gain, resolution = _response(observer, equation, design)
     left = (np.nan_to_num(run.innovation) for run in observer.runs(design))
@@ -117,7 +117,7 @@ def _missing(observer: Observer, equation: _Equation, design: Design) -> Missing
     return Missing(equation.name, equation.unit, values, noise / gain, resolution, typical)
 
 
-def _response(observer: Observer, equation: _Equation, d: Design) -> tuple[float, float, float]:
+def _response(observer: Observer, equation: _Equation, d: ObserverDesign) -> tuple[float, float, float]:
     """Return the standard deviation that the measurement noise gives to what is missing, the share of a constant that
     is seen, and the resolution in s, from frequency responses: e = [I - C (zI - A (I - K C))^-1 A K] noise + C (zI - A
     (I - K C))^-1 disturbance, missing = spread (I/z - back)^-1 weigh e.

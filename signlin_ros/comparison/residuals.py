@@ -19,21 +19,21 @@ from scipy.special import chdtri, chndtrix
 
 Array = NDArray[np.float64]
 
-LAGS, FURTHEST = 12, 200
+WHITENESS_LAGS, FURTHEST = 12, 200
 """Lags that are looked at, and how many at most where samples may go together for long."""
-SPAN, NEAR, ALIKE, MEMORY = 12, 5, 0.1, 50
+CROSS_LAGS, CROSS_AVERAGED, MIN_CROSS_CORRELATION, OWN_LAGS = 12, 5, 0.1, 50
 """Lags either way at which two series are compared, how many are averaged, least correlation, lags of their own."""
 TOLERATED, LIKELY, EXCESS = 0.05, 0.9999, 1.5
 """Correlations that never matter; quantile of chi squared below so many times of which a residual is white."""
-SURER, SUREST = 4.0, 5.0
+SURER, COMMON_CAUSE_ERRORS = 4.0, 5.0
 """Standard errors beyond which a residual is not white; and two channels have a common cause."""
-ACROSS, SMALL, LEVEL = 20, 0.01, 0.01
+ACROSS, PASSED_CORRELATION, TEST_LEVEL = 20, 0.01, 0.01
 """Lags at which a residual may follow an input; correlations (RMS) that are let pass, and how rarely they are told."""
-ORDER, RIDGE = 10, 1e-3
+WHITENING_ORDER, WHITENING_RIDGE = 10, 1e-3
 """Order of the autoregression that whitens the input; what is added to a variance: two channels may be one."""
-LONGEST, UNSURE, SURE = 0.9, 0.02, 3.0
+MAX_NOISE_CORRELATION, SHARE_TOLERANCE, SLOW_STANDARD_ERRORS = 0.9, 0.02, 3.0
 """Largest first correlation of noise with a white part; how well shares are known; standard errors of slow ones."""
-PURE, TIMES, ROUGH = 0.998, 20.0, 0.05
+PURE, POLE_SHARE, ROUGH = 0.998, 20.0, 0.05
 """Noise of one pole alone may last longer, up to this correlation: whitened by it, nothing but white noise is left
 beside no more than a share of that; and the record must be so many times as long as it lasts."""
 
@@ -75,13 +75,13 @@ def _follows(e: Sequence[Array], u: Sequence[Array]) -> bool:
     (own, size, n), (_, moved, _) = (correlations(side, lags) for side in zip(*pairs, strict=True))
     sums = [sum(_product(*pair, k) for pair in pairs) for k in range(lags + 1)]
     cross = np.array(sums) / max(n * np.sqrt(size * moved), 1e-300)
-    statistic = n * cross @ solve_toeplitz(np.append(1.0 + RIDGE, own), cross)
-    return bool(statistic > chndtrix(1.0 - LEVEL, lags + 1, n * (lags + 1) * SMALL**2))
+    statistic = n * cross @ solve_toeplitz(np.append(1.0 + WHITENING_RIDGE, own), cross)
+    return bool(statistic > chndtrix(1.0 - TEST_LEVEL, lags + 1, n * (lags + 1) * PASSED_CORRELATION**2))
 
 
 def _filtered(x: Array, u: Array) -> Array:
-    """Return x (T,) filtered by the autoregression of order `ORDER` that whitens u (T,) (Yule and Walker)."""
-    r = correlations([u], max(1, min(ORDER, u.size // 4)))[0]
+    """Return x (T,) filtered by the autoregression of order `WHITENING_ORDER` that whitens u (T,) (Yule and Walker)."""
+    r = correlations([u], max(1, min(WHITENING_ORDER, u.size // 4)))[0]
     weights = solve_toeplitz(np.append(1.0 + 1e-6, r[:-1]), r)
     return np.asarray(lfilter(np.append(1.0, -weights), 1.0, x))
 
@@ -105,17 +105,17 @@ def white(parts: Sequence[Array]) -> bool:
     statistic = count * (count + 2) * float(np.sum(r**2 / np.maximum(count - np.arange(1, lags + 1), 1)))
     bound = TOLERATED + SURER / np.sqrt(max(count, 1))
     small = statistic < EXCESS * float(chdtri(lags, 1.0 - LIKELY)) or float(np.max(np.abs(r))) < bound
-    return bool(small and abs(float(r[:LAGS].mean())) < bound / 2)
+    return bool(small and abs(float(r[:WHITENESS_LAGS].mean())) < bound / 2)
 
 
 def related(a: Sequence[Array], b: Sequence[Array]) -> bool:
     """Tell whether the slow parts of two series (T,) are correlated: sensors, say, do not know of each other."""
-    (r, v, _), (s, w, _), count = correlations(a, MEMORY), correlations(b, MEMORY), sum(x.size for x in a)
+    (r, v, _), (s, w, _), count = correlations(a, OWN_LAGS), correlations(b, OWN_LAGS), sum(x.size for x in a)
     error = np.sqrt(max(1.0 + 2.0 * float(np.sum(r * s)), 1.0) / count)
     pairs = [(np.nan_to_num(x), np.nan_to_num(y)) for x, y in zip(a, b, strict=True)]
-    sums = np.sum([[_product(*pair, k) for k in range(-SPAN, SPAN + 1)] for pair in pairs], axis=0)
-    both = np.convolve(sums / max(np.sqrt(v * w) * count, 1e-300), np.ones(NEAR) / NEAR, "valid")
-    return bool(np.max(np.abs(both)) > max(ALIKE, SUREST * error))
+    sums = np.sum([[_product(*pair, k) for k in range(-CROSS_LAGS, CROSS_LAGS + 1)] for pair in pairs], axis=0)
+    both = np.convolve(sums / max(np.sqrt(v * w) * count, 1e-300), np.ones(CROSS_AVERAGED) / CROSS_AVERAGED, "valid")
+    return bool(np.max(np.abs(both)) > max(MIN_CROSS_CORRELATION, COMMON_CAUSE_ERRORS * error))
 
 
 def _product(x: Array, y: Array, k: int) -> float:
@@ -143,11 +143,11 @@ class Colour:
         """Whether more is slow, or lasts longer, than noise shows by chance in a record this long."""
         alone = min(self.alone, 0.95) if self.coloured > 0 else 0.0
         error = np.sqrt((1 + alone**2) / (1 - alone**2) / max(self.samples, 1))
-        return bool(self.slow > UNSURE + SURE * error)
+        return bool(self.slow > SHARE_TOLERANCE + SLOW_STANDARD_ERRORS * error)
 
     def limited(self, white: float, whole: bool) -> Colour:
         """Return the same with all but ``white`` (a share) as structure, if that lasts too long or is ``whole``."""
-        lasting = self.rho > LONGEST - UNSURE and self.coloured > 0.0 and not self.pure
+        lasting = self.rho > MAX_NOISE_CORRELATION - SHARE_TOLERANCE and self.coloured > 0.0 and not self.pure
         if not (lasting or whole) or white >= 1.0:
             return self
         most = 1.0 if whole else self.slow + self.coloured
@@ -165,17 +165,19 @@ def colours(innovations: Sequence[Array], noise: Array) -> list[Colour]:
 
 
 def _colour(parts: Sequence[Array]) -> Colour:
-    """Return r_k = slow + coloured rho^k, neither below 0, fitted to the autocorrelations at k = 1..`LAGS`."""
-    r, variance, count = correlations(parts, max(LAGS, min(FURTHEST, min(p.size for p in parts) // 4)))
+    """Return r_k = slow + coloured rho^k, neither below 0, fitted to the autocorrelations at k =
+    1..`WHITENESS_LAGS`.
+    """
+    r, variance, count = correlations(parts, max(WHITENESS_LAGS, min(FURTHEST, min(p.size for p in parts) // 4)))
     vanished = np.append(r < 2.0 / np.sqrt(max(count, 1)), True)
-    together, r = 1.0 + 2.0 * float(np.sum(r[: int(np.argmax(vanished))])), r[:LAGS]
+    together, r = 1.0 + 2.0 * float(np.sum(r[: int(np.argmax(vanished))])), r[:WHITENESS_LAGS]
     pole = _pole(parts, r, count)
     if pole is not None:
         return Colour(variance, 0.0, pole[1], pole[0], count, float(r[0]), True, together)
-    best, alone, k = (np.inf, 0.0, 0.0, 0.0), (np.inf, 0.0), np.arange(1, LAGS + 1)
-    for rho in np.linspace(0.1, LONGEST, 33).tolist():
+    best, alone, k = (np.inf, 0.0, 0.0, 0.0), (np.inf, 0.0), np.arange(1, WHITENESS_LAGS + 1)
+    for rho in np.linspace(0.1, MAX_NOISE_CORRELATION, 33).tolist():
         shape = rho**k
-        slow, fast = np.linalg.lstsq(np.column_stack([np.ones(LAGS), shape]), r, rcond=None)[0]
+        slow, fast = np.linalg.lstsq(np.column_stack([np.ones(WHITENESS_LAGS), shape]), r, rcond=None)[0]
         one = float(shape @ r / (shape @ shape))
         only = min(max(one, 0.0), 1.0)
         alone = min(alone, (float(np.sum((r - only * shape) ** 2)), only * rho))
@@ -190,7 +192,11 @@ def _pole(parts: Sequence[Array], r: Array, count: int) -> tuple[float, float] |
     """Return the correlation of noise of one pole that lasts long and its share, if a residual is nothing else."""
     rho = float(r[1:] @ r[:-1] / max(float(r[:-1] @ r[:-1]), 1e-300))
     share = min(float(r[0]) / max(rho, 1e-12), 1.0)
-    if not (LONGEST - UNSURE < rho <= PURE and count * (1.0 - rho) >= TIMES and share >= 1.0 - ROUGH):
+    if not (
+        MAX_NOISE_CORRELATION - SHARE_TOLERANCE < rho <= PURE
+        and count * (1.0 - rho) >= POLE_SHARE
+        and share >= 1.0 - ROUGH
+    ):
         return None
     first = rho * (1 - share) / (share * (1 - rho**2) + (1 - share) * (1 + rho**2))
     theta = 2.0 * first / (1.0 + np.sqrt(max(1.0 - 4.0 * first**2, 0.0)))

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Kind = TypeVar("Kind", bound=np.generic)
 
-FORGOTTEN = 0.1
+FORGOTTEN_SHARE = 0.1
 """Correlation of a quantity with itself below which it has forgotten itself."""
 RAREST, MOST_TIME = 0.004, 0.97
 """Part of the time that a situation may take."""
@@ -118,7 +118,7 @@ def remembered(values: Array) -> int:
     """Return after how many samples a quantity (N,) has forgotten itself; N if it never does."""
     z = values - values.mean()
     own = np.fft.irfft(np.abs(np.fft.rfft(z, 2 * z.size)) ** 2)[: z.size]
-    below = np.flatnonzero(own < FORGOTTEN * own[0]) if own[0] > 0 else np.array([1])
+    below = np.flatnonzero(own < FORGOTTEN_SHARE * own[0]) if own[0] > 0 else np.array([1])
     return int(below[0]) if below.size else z.size
 
 

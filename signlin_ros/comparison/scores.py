@@ -12,16 +12,17 @@ from signlin_ros.errors import joined
 
 Array = NDArray[np.float64]
 
-FLOOR = 50.0
+MIN_FIT_PERCENT = 50.0
 """A fit (per cent) below which a model does not follow a channel: its error is then no measure of the noise."""
-SURELY = 2.0
+MIN_ERROR_OVER_NOISE = 2.0
 """An error of so many times the noise is told all the same."""
 
 
 @dataclass(frozen=True)
 class Score:
     """Error of a prediction: ``rmse`` in the channel's unit; ``fit_percent`` = 100 (1 - |y - yhat| / |y - mean y|);
-    over noise, None where that is not known, or the fit is so low (`FLOOR`) that what looks like noise may be missed.
+    over noise, None where that is not known, or the fit is so low (`MIN_FIT_PERCENT`) that what looks like noise may
+    be missed.
     """
 
     rmse: float
@@ -45,20 +46,20 @@ def score(measured: Array, predicted: Array, noise: float = 0.0) -> Score | None
 def rated(rmse: float, spread: float, noise: float) -> Score:
     """Return the score of an error, of a measurement with that standard deviation and that noise."""
     fit = 100.0 * (1.0 - rmse / spread) if spread > 0 else None
-    told = noise > 0 and (fit is None or fit >= FLOOR or rmse > SURELY * noise)
+    told = noise > 0 and (fit is None or fit >= MIN_FIT_PERCENT or rmse > MIN_ERROR_OVER_NOISE * noise)
     return Score(rmse, fit, rmse / noise if told else None)
 
 
 def unfollowed(scores: Mapping[str, Score]) -> list[str]:
-    """Return the channels that a model does not follow at all: fits below `FLOOR`."""
-    return [name for name, one in scores.items() if one.fit_percent is not None and one.fit_percent < FLOOR]
+    """Return the channels that a model does not follow at all: fits below `MIN_FIT_PERCENT`."""
+    return [name for name, one in scores.items() if one.fit_percent is not None and one.fit_percent < MIN_FIT_PERCENT]
 
 
 def follows_nothing(names: Sequence[str]) -> str:
     """Return in words that channels fit no model, and why that may be."""
     what = f"The {joined(list(names))} {'fits' if len(names) == 1 else 'fit'} no model"
     why = "another unit or axis, two sources in one channel, a sensor that fails, or another input than the recorded"
-    return f"{what} (less than {FLOOR:g} % of fit): {why}. `signlin check` may tell."
+    return f"{what} (less than {MIN_FIT_PERCENT:g} % of fit): {why}. `signlin check` may tell."
 
 
-__all__ = ["FLOOR", "Score", "follows_nothing", "rated", "score", "unfollowed"]
+__all__ = ["MIN_FIT_PERCENT", "Score", "follows_nothing", "rated", "score", "unfollowed"]

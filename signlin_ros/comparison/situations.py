@@ -12,12 +12,12 @@ from signlin_ros.comparison.scene import Scene, Split, time_to
 
 Array = NDArray[np.float64]
 
-JUMP, OF_ALL, LEAST_JUMPS, RARE = 10, 0.05, 3, 0.02
+JUMP_OVER_STEP, OF_ALL, LEAST_JUMPS, MAX_JUMP_SHARE = 10, 0.05, 3, 0.02
 """A jump of the input: times its usual step and part of its range at least; how many, and which part of the samples."""
 QUANTILES = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95, 0.98)
-NEAR = (0.005, 0.01, 0.02, 0.03, 0.05, 0.1, 0.2)
+NEAR_EVENT_TIMES = (0.005, 0.01, 0.02, 0.03, 0.05, 0.1, 0.2)
 """Time in s within which a sample counts as near an event."""
-HARMONICS, PATTERN_SAMPLES = 1500, 3000
+PATTERN_HARMONICS, PATTERN_SAMPLES = 1500, 3000
 """Harmonics over the way at which a pattern is looked for, in so many samples."""
 SLOW_PASSAGES = 0.1
 """Patterns are looked for down to what this slowest part of the samples resolves."""
@@ -59,7 +59,7 @@ def _driver(scene: Scene) -> str:
 
 def _near(scene: Scene, events: NDArray[np.int64], what: str, kind: str) -> Splits:
     away = time_to(scene, events)
-    for reach in NEAR:
+    for reach in NEAR_EVENT_TIMES:
         if reach >= 0.5 * scene.resolution:
             yield scene.split(f"within {1e3 * reach:g} ms {what}", kind, away <= reach)
 
@@ -67,8 +67,8 @@ def _near(scene: Scene, events: NDArray[np.int64], what: str, kind: str) -> Spli
 def _input_steps(scene: Scene) -> Splits:
     """After a jump of the input, where it does jump: rarely, and by much more than it usually moves."""
     steps = np.abs(np.diff(scene.u[:, 0], prepend=scene.u[0, 0]))
-    jumps = np.flatnonzero(steps > max(JUMP * float(np.median(steps)), OF_ALL * float(np.ptp(scene.u[:, 0]))))
-    if LEAST_JUMPS <= jumps.size < RARE * steps.size:
+    jumps = np.flatnonzero(steps > max(JUMP_OVER_STEP * float(np.median(steps)), OF_ALL * float(np.ptp(scene.u[:, 0]))))
+    if LEAST_JUMPS <= jumps.size < MAX_JUMP_SHARE * steps.size:
         yield from _near(scene, jumps, f"of a step of {scene.model.inputs[0]}", "input step")
 
 
@@ -123,8 +123,8 @@ def _period(scene: Scene, q: Array) -> tuple[float, float] | None:
     lowest = 4 * np.pi / span if span > 0 else np.inf
     if highest <= lowest:
         return None
-    count = int(min(HARMONICS, 2 * span * (highest - lowest) / np.pi + 2))
-    harmonics = np.linspace(lowest, min(highest, lowest + HARMONICS * np.pi / (2 * span)), count)
+    count = int(min(PATTERN_HARMONICS, 2 * span * (highest - lowest) / np.pi + 2))
+    harmonics = np.linspace(lowest, min(highest, lowest + PATTERN_HARMONICS * np.pi / (2 * span)), count)
     weight = 1.0 / (1.0 + (harmonics[:, None] * v * scene.resolution) ** 2)
     waves = weight * np.exp(-1j * harmonics[:, None] * q)
     amplitude = waves @ (value - value.mean())
@@ -134,7 +134,7 @@ def _period(scene: Scene, q: Array) -> tuple[float, float] | None:
     return (float(harmonics[best]), float(np.angle(amplitude[best]))) if clear else None
 
 
-FAMILIES: tuple[Callable[[Scene], Splits], ...] = (
+SPLIT_FAMILIES: tuple[Callable[[Scene], Splits], ...] = (
     lambda scene: _signs(scene, scene.model.plant.velocity, "direction", scene.slow),
     lambda scene: _limits(scene, scene.model.plant.velocity, "speed"),
     lambda scene: _near(scene, scene.turns, f"of a reversal of {scene.model.plant.velocity}", "reversal"),
@@ -148,4 +148,4 @@ FAMILIES: tuple[Callable[[Scene], Splits], ...] = (
 """Each gives at most one region: its best split."""
 
 
-__all__ = ["FAMILIES", "rounded"]
+__all__ = ["SPLIT_FAMILIES", "rounded"]

@@ -7,7 +7,7 @@ from typing import Any
 
 from signlin_ros.console.tables import short, table
 from signlin_ros.digits import with_error
-from signlin_ros.names import AS_GIVEN, FORCE, REFITTED, SENSORS
+from signlin_ros.names import AS_GIVEN, MISSING_FORCE_ROW, REFITTED_ROW, SENSOR_NOISE_ROW
 
 
 def check_text(content: dict[str, Any]) -> str:
@@ -69,25 +69,28 @@ def _first_rows(content: dict[str, Any]) -> str:
     return _errors(rows, content["first_rows"]["horizon"]) if rows else ""
 
 
-AT_BEST = "of unseen data; refitted: with base parameters fitted to known data; what is proposed: with the values told"
-"""Which values the force is told for, and of which data: what is fitted to known data may leave more of unseen ones."""
+AT_BEST = (
+    "of validation data; refitted: with base parameters fitted to training data; what is proposed: with the values told"
+)
+"""Which values the force is told for, and of which data: what is fitted to training data may leave more of unseen
+ones."""
 
 
 def _errors(rows: list[list[str]], horizon: float) -> str:
     shown = f"Error over the next {horizon:g} s (RMS)\n" + table([ERRORS, *rows], right=range(2, 7))
-    return f"{shown}\n({FORCE}, {AT_BEST})" if any(row[1] == FORCE for row in rows) else shown
+    return f"{shown}\n({MISSING_FORCE_ROW}, {AT_BEST})" if any(row[1] == MISSING_FORCE_ROW for row in rows) else shown
 
 
 def first_rows(content: dict[str, Any]) -> list[list[str]]:
     """Return the first rows of a comparison, none where it has none."""
     found = content.get("first_rows")
-    return error_rows([(AS_GIVEN, found["given"]), (REFITTED, found["refitted"])]) if found else []
+    return error_rows([(AS_GIVEN, found["given"]), (REFITTED_ROW, found["refitted"])]) if found else []
 
 
 def ladder_rows(content: dict[str, Any]) -> list[list[str]]:
     """Return the rows of a diagnosis: the model as given, refitted, then with one effect more in each group."""
     given, ladder = content["given"], content["ladder"]
-    first = [(AS_GIVEN, given), (REFITTED, ladder[0])] if given else [(AS_GIVEN, ladder[0])]
+    first = [(AS_GIVEN, given), (REFITTED_ROW, ladder[0])] if given else [(AS_GIVEN, ladder[0])]
     return error_rows([*first, *((" + ".join(rung["effects"]), rung) for rung in ladder[1:])])
 
 
@@ -101,12 +104,12 @@ def error_rows(groups: Sequence[tuple[str, dict[str, Any]]]) -> list[list[str]]:
         if rung["missing_force_percent"] is not None:
             over = rung.get("missing_force_over_noise")
             left = f"{short(rung['missing_force_percent'])} %"
-            own.append([FORCE, "-", "-", left, "-", "-" if over is None else short(over)])
+            own.append([MISSING_FORCE_ROW, "-", "-", left, "-", "-" if over is None else short(over)])
         rows += [[name if k == 0 else "", *row] for k, row in enumerate(own)]
     floor: dict[str, str] = {}
     for _, rung in groups:
         floor = _floor(rung) | floor
-    return rows + [[SENSORS if k == 0 else "", c, "", "", x, "", ""] for k, (c, x) in enumerate(floor.items())]
+    return rows + [[SENSOR_NOISE_ROW if k == 0 else "", c, "", "", x, "", ""] for k, (c, x) in enumerate(floor.items())]
 
 
 def _error_row(channel: str, fitted: dict[str, Any], unseen: dict[str, Any]) -> list[str]:
@@ -117,7 +120,7 @@ def _error_row(channel: str, fitted: dict[str, Any], unseen: dict[str, Any]) -> 
 def _floor(rung: dict[str, Any]) -> dict[str, str]:
     """Return the noise of the sensors by channel and of the force, as far as a rung tells of it."""
     scores = [(c, s["rmse"], s["rmse_over_noise"], "") for c, s in rung["validation"].items() if c != "score"]
-    scores.append((FORCE, rung["missing_force_percent"], rung.get("missing_force_over_noise"), " %"))
+    scores.append((MISSING_FORCE_ROW, rung["missing_force_percent"], rung.get("missing_force_over_noise"), " %"))
     return {c: f"{short(x / over)}{unit}" for c, x, over, unit in scores if x is not None and over}
 
 

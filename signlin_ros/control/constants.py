@@ -12,21 +12,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.control.drive import NONE, Drive
-from signlin_ros.control.inverse import Inverse
+from signlin_ros.control.drive import NO_SLOT, Drive
+from signlin_ros.control.inverse import InverseModel
 from signlin_ros.control.reference import Profile, triangle
 from signlin_ros.effects import find_effect
 from signlin_ros.effects.compliant_load import CompliantLoad
 from signlin_ros.errors import InputError
 
 Array = NDArray[np.float64]
-STEPS = 2000
+CONSTANT_POINTS = 2000
 """Points of a motion that the constants are fitted to."""
 STRETCHES = (0.5, 1.0, 2.0)
 """Periods of the motions, as multiples of the one asked for."""
 OFFSETS = (-1.0, -1 / 3, 1 / 3, 1.0)
 """Where the motions start, as multiples of their travel: what goes by the position must not pass for inertia."""
-SETTLED = 1e9
+SETTLED_TIME = 1e9
 """Seconds after which a current has settled."""
 FROM, TO = 0.4, 0.97
 """Shares of the largest speed between which a motion counts; the corner itself is a jump of the current."""
@@ -70,19 +70,19 @@ def inertia(drive: Drive, speed: float, change: float) -> float:
     hanging = sum(use.parameters["J"] for use in effects if issubclass(find_effect(use.type, "effects"), CompliantLoad))
     own = drive.model.parameters[next(name for name in ("J", "m") if name in drive.model.parameters)]
     motion = np.array([[0.0, 0.5 * speed, 0.0], [0.0, 0.5 * speed, change]])
-    low, high = (Inverse(drive, 1e-3 * speed).along(point[None, :], SETTLED)[0] for point in motion)
+    low, high = (InverseModel(drive, 1e-3 * speed).along(point[None, :], SETTLED_TIME)[0] for point in motion)
     return float(high - low) / change * (1.0 + hanging / own)
 
 
 def _asked(drive: Drive, profile: Profile, speed: float) -> tuple[Array, Array]:
     """Return the part of a triangle that counts (T, 3), and what it takes (T,)."""
-    h = profile.duration / STEPS
-    motion = np.column_stack(profile.at(h * (np.arange(STEPS) + 0.5)))
-    inverse = Inverse(drive, 1e-3 * speed)
+    h = profile.duration / CONSTANT_POINTS
+    motion = np.column_stack(profile.at(h * (np.arange(CONSTANT_POINTS) + 0.5)))
+    inverse = InverseModel(drive, 1e-3 * speed)
     inverse.reset(profile.start)
     wanted = inverse.along(motion, h)
     share = np.abs(motion[:, 1]) / speed
-    counts = (np.arange(STEPS) > STEPS / 4) & (share > FROM) & (share < TO)
+    counts = (np.arange(CONSTANT_POINTS) > CONSTANT_POINTS / 4) & (share > FROM) & (share < TO)
     return motion[counts], wanted[counts]
 
 
@@ -92,7 +92,7 @@ def _fitted(drive: Drive, motion: Array, u: Array, kA: float) -> Constants:
         raise InputError(f"{drive.model.source}: no finite input gives the motion; is an input dead or saturated?")
     q, v, a = motion.T
     columns = {"kS": np.sign(v), "kV": v, "kG": np.ones(v.size)}
-    if drive.position != NONE:
+    if drive.position != NO_SLOT:
         columns["kP"] = q
     left = u - kA * a
     table = np.column_stack(list(columns.values()))

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.control.designs import DEFAULT, Design, Task, Tuning, default_tuning, find_design
+from signlin_ros.control.designs import DEFAULT_DESIGN, Design, Task, Tuning, default_tuning, find_design
 from signlin_ros.control.drive import Drive, friction_free
 from signlin_ros.control.gains import largest_speed
-from signlin_ros.control.inverse import LONGEST_STEP, Inverse
-from signlin_ros.control.law import Running
+from signlin_ros.control.inverse import MAX_STATE_STEP, InverseModel
+from signlin_ros.control.law import RunningLaw
 from signlin_ros.control.lqr import Weights
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model
@@ -20,14 +20,14 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Settings:
+class ControllerSettings:
     """What a user says of a controller; 0 for delay, speed and bandwidth: chosen from the model.
 
     Units: period and delay in s, limit in the input's unit, speed and tolerance in the model's, bandwidth in rad/s.
     """
 
     limit: float
-    design: str = DEFAULT
+    design: str = DEFAULT_DESIGN
     position: bool = False
     period: float = 0.02
     delay: float = 0.0
@@ -67,8 +67,8 @@ class Ahead:
         self._share = {"none": 0.0, "linear": 0.0, "friction": tuning.friction}[design.feed]
         width = tuning.floor * task.speed
         wanted = {"none": [], "linear": [friction_free(model)], "friction": [friction_free(model), model]}[design.feed]
-        self._models = [Inverse(Drive.of(m, with_position=task.position), width) for m in wanted]
-        parts = max(1, int(np.ceil(task.period / LONGEST_STEP)))
+        self._models = [InverseModel(Drive.of(m, with_position=task.position), width) for m in wanted]
+        parts = max(1, int(np.ceil(task.period / MAX_STATE_STEP)))
         self._h = task.period / parts
         self._ages = task.delay + self._h * (np.arange(parts) + 0.5)
 
@@ -90,14 +90,14 @@ class Ahead:
 class Controller:
     """A design at work on a model's drive; raises `InputError` where the model or a setting does not allow it."""
 
-    def __init__(self, model: Model, settings: Settings) -> None:
+    def __init__(self, model: Model, settings: ControllerSettings) -> None:
         if len(model.inputs) != 1:
             raise InputError(f"{model.source}: a controller drives one input; the model has {', '.join(model.inputs)}")
         design = find_design(settings.design)
         self.model, self.settings, self.task = model, settings, settings.task(model)
         tuning = settings.tuning(self.task)
         self.law = design.law(model, self.task, tuning)
-        self._running, self._ahead = Running(self.law), Ahead(design, model, self.task, tuning)
+        self._running, self._ahead = RunningLaw(self.law), Ahead(design, model, self.task, tuning)
         self.reset(0.0)
         self.step(np.zeros(3), np.zeros(2))  # what is compiled is compiled before time counts
         self.reset(0.0)

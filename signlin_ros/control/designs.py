@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from signlin_ros.control import law as law_module
 from signlin_ros.control.constants import Constants, constants
-from signlin_ros.control.drive import NONE, Drive, friction_free
+from signlin_ros.control.drive import NO_SLOT, Drive, friction_free
 from signlin_ros.control.inverse import feed_forward
-from signlin_ros.control.law import Law
+from signlin_ros.control.law import ControlLaw
 from signlin_ros.control.lqr import Weights, lqr_gains, lqr_rows, pid_gains
 from signlin_ros.control.reference import Profile
 from signlin_ros.errors import InputError, choices, suggest
@@ -27,7 +27,7 @@ from signlin_ros.linearization import Linearizer
 from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
-POINTS = 8
+DESIGN_SPEEDS = 8
 """Speeds at which gains are designed."""
 
 
@@ -57,7 +57,7 @@ class Tuning:
     """What is chosen for a design: the weights, and what some designs have beside them.
 
     ``floor``: speed, as a share of the largest, below which A_k is not taken, and within which the friction along the
-    reference fades; ``friction``: share of the friction that is fed forward; ``turning``: see `Law`.
+    reference fades; ``friction``: share of the friction that is fed forward; ``turning``: see `ControlLaw`.
     """
 
     weights: Weights
@@ -73,7 +73,7 @@ class Design:
     name: str
     what: str
     free: tuple[str, ...]
-    law: Callable[[Model, Task, Tuning], Law]
+    law: Callable[[Model, Task, Tuning], ControlLaw]
     feed: str = "friction"
     """What is fed forward along the reference: ``none``, ``linear`` (friction-free model) or ``friction`` (all)."""
 
@@ -147,11 +147,13 @@ def reduced(model: Model, x: Array, method: str | None = None) -> Reduced:
     drive = Drive.of(model)
     result = _linearizer(_key(model), method).batch(x)
     v, B, A, c = drive.velocity, result.B[:, :, 0], result.A, result.c
-    share = np.zeros(len(x)) if drive.current == NONE else A[:, v, drive.current] / A[:, drive.current, drive.current]
-    i = v if drive.current == NONE else drive.current
+    share = (
+        np.zeros(len(x)) if drive.current == NO_SLOT else A[:, v, drive.current] / A[:, drive.current, drive.current]
+    )
+    i = v if drive.current == NO_SLOT else drive.current
     gone = share[:, None]
     row, effect, rest = A[:, v] - gone * A[:, i], B[:, v] - share * B[:, i], c[:, v] - share * c[:, i]
-    stiffness = row[:, drive.position] if drive.position != NONE else np.zeros(len(x))
+    stiffness = row[:, drive.position] if drive.position != NO_SLOT else np.zeros(len(x))
     return Reduced(-row[:, v] / effect, 1.0 / effect, -stiffness / effect, -rest / effect, result.in_valid_range)
 
 
@@ -163,41 +165,41 @@ def secants(model: Model, speeds: Array, method: str | None = None) -> Reduced:
 
 
 def _grid(task: Task, lowest: float) -> Array:
-    return np.concatenate([[0.0], np.geomspace(max(lowest, 1e-6) * task.speed, 1.5 * task.speed, POINTS - 1)])
+    return np.concatenate([[0.0], np.geomspace(max(lowest, 1e-6) * task.speed, 1.5 * task.speed, DESIGN_SPEEDS - 1)])
 
 
 # --------------------------------------------------------------------------- laws
 
 
-def _law(task: Task, grid: Array, gains: Array, **more: object) -> Law:
+def _law(task: Task, grid: Array, gains: Array, **more: object) -> ControlLaw:
     settings = (task.period, task.limit, task.position, task.tolerance)
-    return Law(grid, gains, *settings, **more)  # type: ignore[arg-type]
+    return ControlLaw(grid, gains, *settings, **more)  # type: ignore[arg-type]
 
 
 def _two(row: Array) -> tuple[Array, Array]:
     return np.array([0.0, 1.0]), np.vstack([row, row])
 
 
-def _linear(model: Model, task: Task, tuning: Tuning, bare: bool = True) -> Law:
+def _linear(model: Model, task: Task, tuning: Tuning, bare: bool = True) -> ControlLaw:
     c = known(model, task, bare)
     gains = lqr_gains(c.kV, c.kA, c.kP, tuning.weights, task.period, task.delay, task.position)
     return _law(task, *_two(gains.row), width=tuning.floor * task.speed)
 
 
-def _along(model: Model, task: Task, tuning: Tuning) -> Law:
+def _along(model: Model, task: Task, tuning: Tuning) -> ControlLaw:
     return _linear(model, task, tuning, bare=False)
 
 
-def _turning(model: Model, task: Task, tuning: Tuning) -> Law:
+def _turning(model: Model, task: Task, tuning: Tuning) -> ControlLaw:
     return replace(_along(model, task, tuning), turning=tuning.turning)
 
 
-def _pid(model: Model, task: Task, tuning: Tuning) -> Law:
+def _pid(model: Model, task: Task, tuning: Tuning) -> ControlLaw:
     gains = pid_gains(known(model, task, bare=True), tuning.weights, task.position)
     return _law(task, *_two(gains.row), width=tuning.floor * task.speed)
 
 
-def _scheduled(model: Model, task: Task, tuning: Tuning, floor: float, by_state: bool) -> Law:
+def _scheduled(model: Model, task: Task, tuning: Tuning, floor: float, by_state: bool) -> ControlLaw:
     """Return gains designed with A_k at each speed of a grid, not below the floor."""
     grid = _grid(task, 1e-3)
     found = secants(model, np.maximum(grid, floor * task.speed))
@@ -206,7 +208,7 @@ def _scheduled(model: Model, task: Task, tuning: Tuning, floor: float, by_state:
     return _law(task, grid, rows, by_state=by_state, width=tuning.floor * task.speed)
 
 
-def _at_reference(model: Model, task: Task, tuning: Tuning) -> Law:
+def _at_reference(model: Model, task: Task, tuning: Tuning) -> ControlLaw:
     return _scheduled(model, task, tuning, tuning.floor, by_state=False)
 
 
@@ -219,7 +221,7 @@ def _state_tables(model: Model, task: Task, tuning: Tuning, method: str | None =
     return grid, tuning.friction * np.column_stack([slope, level])
 
 
-def _at_state_clipped(model: Model, task: Task, tuning: Tuning) -> Law:
+def _at_state_clipped(model: Model, task: Task, tuning: Tuning) -> ControlLaw:
     grid, tables = _state_tables(model, task, tuning)
     tables[:, 1] = np.maximum.accumulate(tables[:, 1])
     base = _linear(model, task, tuning)
@@ -227,17 +229,17 @@ def _at_state_clipped(model: Model, task: Task, tuning: Tuning) -> Law:
     return replace(base, grid=grid, gains=rows, tables=tables, added=law_module.CLIPPED)
 
 
-def _at_state_raw(model: Model, task: Task, tuning: Tuning) -> Law:
+def _at_state_raw(model: Model, task: Task, tuning: Tuning) -> ControlLaw:
     law = _scheduled(model, task, tuning, 0.0, by_state=True)
     grid, tables = _state_tables(model, task, tuning)
     return replace(law, grid=grid, tables=tables, added=law_module.RAW)
 
 
-def _tangent(model: Model, task: Task, tuning: Tuning) -> Law:
+def _tangent(model: Model, task: Task, tuning: Tuning) -> ControlLaw:
     grid, tables = _state_tables(model, task, tuning, "jacobian")
     base = _linear(model, task, tuning)
     rows = np.repeat(base.gains[:1], grid.size, axis=0)
-    return replace(base, grid=grid, gains=rows, tables=tables, added=law_module.TANGENT)
+    return replace(base, grid=grid, gains=rows, tables=tables, added=law_module.TANGENT_ADDED)
 
 
 DESIGNS: dict[str, Design] = {
@@ -266,7 +268,7 @@ DESIGNS: dict[str, Design] = {
     )
 }
 """Every design by its name, the ones that a node takes and those that are measured beside them."""
-DEFAULT = "along_reference"
+DEFAULT_DESIGN = "along_reference"
 CALM = 0.8
 """Bandwidth by default, as a multiple of 1 / (period + delay)."""
 

@@ -12,7 +12,7 @@ from signlin_ros.model import Model
 from signlin_ros.simulation import exact_plan_of
 
 Array = NDArray[np.float64]
-NONE = -1
+NO_SLOT = -1
 """Slot of what a drive has not."""
 
 
@@ -20,7 +20,7 @@ NONE = -1
 class Drive:
     """A model with a force or voltage as its first input, and where its states stand.
 
-    ``position`` and ``current`` are `NONE` where they are no states; ``own`` are the states of effects.
+    ``position`` and ``current`` are `NO_SLOT` where they are no states; ``own`` are the states of effects.
     """
 
     model: Model
@@ -38,7 +38,7 @@ class Drive:
         if with_position and plant.position not in model.states:
             model = model.with_options(with_position=True)
         names = (plant.position, plant.velocity, "current")
-        slots = [model.states.index(name) if name in model.states else NONE for name in names]
+        slots = [model.states.index(name) if name in model.states else NO_SLOT for name in names]
         own = tuple(i for i in range(len(model.states)) if i not in slots)
         return cls(model, slots[0], slots[1], slots[2], own)
 
@@ -68,14 +68,14 @@ class Drive:
         return "rad" if self.speed_unit.startswith("rad") else "m"
 
 
-KEPT = ("input_delay", "sensor_offset", "sensor_gain", "sensor_delay")
+NO_FORCES = ("input_delay", "sensor_offset", "sensor_gain", "sensor_delay")
 """Effects that are no forces."""
 
 
 def friction_free(model: Model) -> Model:
     """Return a model without its effects, but for delays and sensors: what a data sheet tells of a drive."""
     for key, use in model.effects.items():
-        if use.type not in KEPT:
+        if use.type not in NO_FORCES:
             model = model.without_effect(key)
     return model
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.control.constants import Constants
 from signlin_ros.control.designs import (
-    DEFAULT,
+    DEFAULT_DESIGN,
     DESIGNS,
     Task,
     Tuning,
@@ -21,19 +21,19 @@ from signlin_ros.control.designs import (
     known,
     reduced,
 )
-from signlin_ros.control.drive import KEPT, NONE, Drive, friction_free
-from signlin_ros.control.lqr import Gains, Weights, lqr_gains, pid_gains
+from signlin_ros.control.drive import NO_FORCES, NO_SLOT, Drive, friction_free
+from signlin_ros.control.lqr import FeedbackGains, Weights, lqr_gains, pid_gains
 from signlin_ros.control.reference import Profile, sine
-from signlin_ros.control.tracking import Bench
+from signlin_ros.control.tracking import TrackingBench
 from signlin_ros.model import Model
 from signlin_ros.sign import valid_reach
 
 Array = NDArray[np.float64]
-POINTS = (0.01, 0.1, 0.5, 1.0)
+SPEED_SHARES = (0.01, 0.1, 0.5, 1.0)
 """Shares of the largest speed at which A_k is looked at where nobody names a point."""
 SWING = 4.0
 """Period in s of the reference that the errors are predicted for."""
-RTOL = 1e-5
+TRACKING_RTOL = 1e-5
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ def gains_content(model: Model, at: Mapping[str, float], wishes: Wishes) -> dict
         "speed_loop": _loop(whole, tuning, task, position=False),
         "position_loop": _loop(whole, tuning, task, position=True),
         "operating_points": _points(model, drive, at, tuning, task),
-        "design": DEFAULT,
+        "design": DEFAULT_DESIGN,
         "predicted": {kind: predicted(model, wishes, kind == "position") for kind in ("speed", "position")},
     }
 
@@ -104,7 +104,7 @@ def _constants(found: Constants) -> dict[str, float]:
     return {name: getattr(found, name) for name in ("kS", "kV", "kA", "kP", "kG", "left")}
 
 
-def _lqr(found: Gains, position: bool) -> dict[str, Any]:
+def _lqr(found: FeedbackGains, position: bool) -> dict[str, Any]:
     place = {"k_q": found.k_q} if position else {}
     return {**place, "k_v": found.k_v, "k_i": found.k_i, "past_inputs": list(found.past)}
 
@@ -124,8 +124,8 @@ def _points(model: Model, drive: Drive, at: Mapping[str, float], tuning: Tuning,
     if at:
         x = model.state_vector(at)[None, :]
     else:
-        x = np.zeros((len(POINTS), len(model.states)))
-        x[:, drive.velocity] = np.array(POINTS) * task.speed
+        x = np.zeros((len(SPEED_SHARES), len(model.states)))
+        x[:, drive.velocity] = np.array(SPEED_SHARES) * task.speed
     found = reduced(model, x)
     rows = zip(x, found.kV, found.kA, found.kP, found.in_valid_range, strict=True)
     return [_point(drive, task, tuning, *row) for row in rows]
@@ -135,7 +135,7 @@ def _point(
     drive: Drive, task: Task, tuning: Tuning, x: Array, kV: float, kA: float, kP: float, valid: bool
 ) -> dict[str, Any]:
     """Return one point; a position loop is designed where position is a state, else a speed loop."""
-    position = drive.position != NONE
+    position = drive.position != NO_SLOT
     gains = lqr_gains(kV, kA, kP, tuning.weights, task.period, task.delay, position)
     return {
         "state": dict(zip(drive.model.states, x.tolist(), strict=True)),
@@ -157,7 +157,7 @@ def predicted(model: Model, wishes: Wishes, position: bool) -> list[dict[str, An
 
     The plant is the model as it is; only what the controller knows of it differs. The reference is a sine of speed.
     """
-    forces = [key for key, use in model.effects.items() if use.type not in KEPT]
+    forces = [key for key, use in model.effects.items() if use.type not in NO_FORCES]
     known_by = {"": model, **{key: model.without_effect(key) for key in forces}}
     if len(forces) > 1:
         known_by["all"] = friction_free(model)
@@ -167,10 +167,10 @@ def predicted(model: Model, wishes: Wishes, position: bool) -> list[dict[str, An
 
 
 def _error(plant: Drive, profile: Profile, model: Model, wishes: Wishes, position: bool) -> dict[str, float]:
-    task, tuning, design = wishes.task(plant.model, position), wishes.tuning(plant.model), DESIGNS[DEFAULT]
-    bench = Bench(plant, profile, task.period, max(task.delay - plant.model.delay, 0.0))
+    task, tuning, design = wishes.task(plant.model, position), wishes.tuning(plant.model), DESIGNS[DEFAULT_DESIGN]
+    bench = TrackingBench(plant, profile, task.period, max(task.delay - plant.model.delay, 0.0))
     feed = feed_along(design, model, task, tuning, profile, bench.count)
-    run = bench.run(design.law(model, task, tuning), feed, RTOL)
+    run = bench.run(design.law(model, task, tuning), feed, TRACKING_RTOL)
     worst = float(np.max(np.abs(run.error))) if run.finished else math.inf
     return {"rms": _finite(run.rms), "largest": _finite(worst)}
 

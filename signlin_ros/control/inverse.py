@@ -22,9 +22,9 @@ from signlin_ros.engine.parts import prepared
 from signlin_ros.engine.surfaces import SWITCH
 
 Array = NDArray[np.float64]
-LONGEST_STEP = 2e-3
+MAX_STATE_STEP = 2e-3
 """Seconds; own states are carried in steps no longer than this."""
-DOUBLINGS, HALVINGS = 40, 60
+BRACKET_DOUBLINGS, BRACKET_HALVINGS = 40, 60
 """How often a bracket is widened, and narrowed, for the input that gives an acceleration."""
 
 
@@ -59,14 +59,14 @@ def _solve(at, links, w, slot, row, wanted, width):
     fa = _left(at, links, w, slot, a, row, wanted, width)
     step = -1.0 if fa > 0.0 else 1.0
     b, fb = a, fa
-    for _ in range(DOUBLINGS):
+    for _ in range(BRACKET_DOUBLINGS):
         if fa == 0.0 or fa * fb < 0.0:
             break
         a, fa = b, fb
         b = a + step
         fb = _left(at, links, w, slot, b, row, wanted, width)
         step *= 2.0
-    for _ in range(HALVINGS):
+    for _ in range(BRACKET_HALVINGS):
         if fb == 0.0 or fb == fa:
             break
         c = b - fb * (b - a) / (fb - fa)
@@ -120,7 +120,7 @@ def inverse(at, links, slots, own, x, motion, h, p, width, inputs):
 
 
 @dataclass
-class Inverse:
+class InverseModel:
     """A drive's model solved for its input along a motion; ``x`` (n,) are the states along it.
 
     ``width`` is the speed below which dry friction falls to zero along the reference.
@@ -153,9 +153,9 @@ def feed_forward(drive: Drive, profile: Profile, period: float, count: int, widt
 
     ``lead`` in s is how much later an input acts: each is the mean over the time in which it acts.
     """
-    parts = max(1, int(np.ceil(period / LONGEST_STEP)))
+    parts = max(1, int(np.ceil(period / MAX_STATE_STEP)))
     h = period / parts
     times = lead + h * (np.arange(count * parts) + 0.5)
-    inverse_model = Inverse(drive, width)
+    inverse_model = InverseModel(drive, width)
     inverse_model.reset(profile.start)
     return np.asarray(inverse_model.along(np.column_stack(profile.at(times)), h).reshape(count, parts).mean(axis=1))

@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from signlin_ros.engine.compiling import compiled, inner
 
 Array = NDArray[np.float64]
-POSITION, PERIOD, LIMIT, TOLERANCE, TURNING, WIDTH, ADDED, BY_STATE = range(8)
+POSITION, PERIOD_SLOT, LIMIT_SLOT, TOLERANCE_SLOT, TURNING_SLOT, WIDTH_SLOT, ADDED_SLOT, BY_STATE = range(8)
 """What stands where in the settings of a law."""
-NOTHING, CLIPPED, RAW, TANGENT = range(4)
+NO_ADDITION, CLIPPED, RAW, TANGENT_ADDED = range(4)
 """What is added for the measured speed: nothing; slope times reference speed, clipped to the level or not; level and
 slope as a tangent at the measured speed."""
-INTEGRAL, TURNED, PAST = 0, 1, 2
+INTEGRAL, TURNING_MEMORY, PAST = 0, 1, 2
 """Where the memory of a law has the integral action, its turning part, and the feedback of past periods."""
 K_Q, K_V, K_I, K_PAST = range(4)
 """Columns of the gains."""
@@ -59,25 +59,25 @@ def _added(grid, tables, kind, reference, speed):
 @inner
 def step(grid, gains, tables, settings, memory, reference, measured, feed):
     """Return the input for one period; reference and measured (2,) are position and speed; the memory moves on."""
-    position, limit = settings[POSITION], settings[LIMIT]
+    position, limit = settings[POSITION], settings[LIMIT_SLOT]
     e_q, e_v = reference[0] - measured[0], reference[1] - measured[1]
     e = e_q if position != 0.0 else e_v
     k, share = _place(grid, abs(measured[1]) if settings[BY_STATE] != 0.0 else abs(reference[1]))
-    toward = min(1.0, max(-1.0, reference[1] / settings[WIDTH]))
-    wanted = feed + _at(gains, K_V, k, share) * e_v + memory[INTEGRAL] + memory[TURNED] * toward
+    toward = min(1.0, max(-1.0, reference[1] / settings[WIDTH_SLOT]))
+    wanted = feed + _at(gains, K_V, k, share) * e_v + memory[INTEGRAL] + memory[TURNING_MEMORY] * toward
     if position != 0.0:
         wanted += _at(gains, K_Q, k, share) * e_q
-    if settings[ADDED] != NOTHING:
-        wanted += _added(grid, tables, settings[ADDED], reference[1], measured[1])
+    if settings[ADDED_SLOT] != NO_ADDITION:
+        wanted += _added(grid, tables, settings[ADDED_SLOT], reference[1], measured[1])
     past = memory.size - PAST
     for j in range(past):
         wanted -= _at(gains, K_PAST + j, k, share) * memory[PAST + j]
     u = min(limit, max(-limit, wanted))
-    resting = reference[1] == 0.0 and abs(e) <= settings[TOLERANCE]
+    resting = reference[1] == 0.0 and abs(e) <= settings[TOLERANCE_SLOT]
     if not resting and (wanted - u) * e <= 0.0:
-        more = _at(gains, K_I, k, share) * e * settings[PERIOD]
+        more = _at(gains, K_I, k, share) * e * settings[PERIOD_SLOT]
         memory[INTEGRAL] += more
-        memory[TURNED] += settings[TURNING] * more * toward
+        memory[TURNING_MEMORY] += settings[TURNING_SLOT] * more * toward
     for j in range(past - 1):
         memory[PAST + j] = memory[PAST + j + 1]
     if past > 0:
@@ -91,7 +91,7 @@ def _one_step(grid, gains, tables, settings, memory, reference, measured, feed):
 
 
 @dataclass(frozen=True)
-class Law:
+class ControlLaw:
     """A control law in numbers.
 
     Parameters
@@ -103,7 +103,7 @@ class Law:
     tolerance : error below which the integral action rests where the reference stands still.
     turning : share of the integral action that also goes to the part which turns with the reference's direction.
     width : speed below which that direction fades.
-    tables : (G, 2) slope and level, ``added`` (`NOTHING`, ...) for the measured speed.
+    tables : (G, 2) slope and level, ``added`` (`NO_ADDITION`, ...) for the measured speed.
     by_state : whether the gains go by the measured speed, else by that of the reference.
     """
 
@@ -116,7 +116,7 @@ class Law:
     turning: float = 0.0
     width: float = 1e-3
     tables: Array = field(default_factory=lambda: np.zeros((2, 2)))
-    added: int = NOTHING
+    added: int = NO_ADDITION
     by_state: bool = False
 
     @property
@@ -137,10 +137,10 @@ class Law:
         return self.grid, np.ascontiguousarray(self.gains), tables, self.settings
 
 
-class Running:
+class RunningLaw:
     """A law at work: its memory between steps."""
 
-    def __init__(self, law: Law) -> None:
+    def __init__(self, law: ControlLaw) -> None:
         self.law = law
         self._parts = law.parts
         self.memory = law.memory

@@ -44,7 +44,7 @@ class Weights:
 
 
 @dataclass(frozen=True)
-class Gains:
+class FeedbackGains:
     """u = k_q e_q + k_v e_v + k_i (sum of errors) - sum_j past_j w_j, w_j the feedback of past periods."""
 
     k_q: float
@@ -117,7 +117,7 @@ def dlqr(F: Array, G: Array, Q: Array, R: ArrayLike) -> Array:
     price = np.asarray(R, dtype=float)[..., None, None]
     A, H, one = F, np.broadcast_to(Q, F.shape), np.eye(F.shape[-1])
     W = G @ G.swapaxes(-1, -2) / price
-    for _ in range(PASSES):
+    for _ in range(MAX_DOUBLINGS):
         inside = np.linalg.solve(one + W @ H, np.concatenate([A, W], axis=-1))
         onward, spread = np.split(inside, 2, axis=-1)
         more = A.swapaxes(-1, -2) @ H @ onward
@@ -130,7 +130,7 @@ def dlqr(F: Array, G: Array, Q: Array, R: ArrayLike) -> Array:
     raise InputError("no linear-quadratic gain for these weights: the drive cannot be stabilized")
 
 
-PASSES = 60
+MAX_DOUBLINGS = 60
 """Doublings after which no gain is expected any more."""
 
 
@@ -150,13 +150,15 @@ def lqr_rows(
     return np.concatenate([np.stack([k_q, K[..., n - 1], K[..., 0]], axis=-1), K[..., n:]], axis=-1)
 
 
-def lqr_gains(kV: float, kA: float, kP: float, weights: Weights, period: float, delay: float, position: bool) -> Gains:
+def lqr_gains(
+    kV: float, kA: float, kP: float, weights: Weights, period: float, delay: float, position: bool
+) -> FeedbackGains:
     """Return the gains of one drive u = kV v + kA a + kP q, sampled, with an input delay."""
     k_q, k_v, k_i, *past = lqr_rows(kV, kA, kP, weights, period, delay, position).tolist()
-    return Gains(k_q, k_v, k_i, tuple(past))
+    return FeedbackGains(k_q, k_v, k_i, tuple(past))
 
 
-def pid_gains(constants: Constants, weights: Weights, position: bool) -> Gains:
+def pid_gains(constants: Constants, weights: Weights, position: bool) -> FeedbackGains:
     """Return a PI (speed) or PID (position) from the same weights: the continuous regulator, without memory.
 
     Position: K_p = k_q, K_i = k_i, K_d = k_v; speed: K_p = k_v, K_i = k_i.
@@ -167,4 +169,4 @@ def pid_gains(constants: Constants, weights: Weights, position: bool) -> Gains:
     Q, R = weights.matrices(constants.kA, position)
     price = np.array([[float(R)]])
     K = np.linalg.solve(price, B.T @ solve_continuous_are(A, B, Q, price))[0]
-    return Gains(float(K[1]) if position else 0.0, float(K[-1]), float(K[0]))
+    return FeedbackGains(float(K[1]) if position else 0.0, float(K[-1]), float(K[0]))

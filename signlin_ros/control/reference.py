@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
-KNOTS = 400
+SINE_KNOTS = 400
 """Knots of one period of a sine."""
 
 
@@ -43,7 +43,7 @@ class Profile:
 
 def sine(amplitude: float, period: float, cycles: int = 3) -> Profile:
     """Return a speed of ``amplitude`` sin(2 pi t / period)."""
-    t = np.linspace(0.0, cycles * period, cycles * KNOTS + 1)
+    t = np.linspace(0.0, cycles * period, cycles * SINE_KNOTS + 1)
     return Profile(t, amplitude * np.sin(2 * np.pi * t / period))
 
 

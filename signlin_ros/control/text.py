@@ -38,12 +38,12 @@ def _constants(c: Mapping[str, Any]) -> str:
     units = units_of(c)
     rows = [["", "whole model", "friction-free", "", ""]]
     for name, meaning in MEANING.items():
-        values = (f"{c[kind][name]:.5g}" if abs(c[kind][name]) > 1e-9 else "0" for kind in _BOTH)
+        values = (f"{c[kind][name]:.5g}" if abs(c[kind][name]) > 1e-9 else "0" for kind in _CONSTANT_ROWS)
         rows.append([name, *values, units[name], meaning])
     return "feed-forward  u = kS sign(v) + kV v + kA a + kP q + kG\n" + table(rows, right=[1, 2])
 
 
-_BOTH = ("feed_forward", "friction_free")
+_CONSTANT_ROWS = ("feed_forward", "friction_free")
 
 
 def _row(name: str, values: Mapping[str, Any]) -> list[str]:

@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.control.drive import Drive, resting
-from signlin_ros.control.law import Law, step
+from signlin_ros.control.law import ControlLaw, step
 from signlin_ros.control.reference import Profile
 from signlin_ros.engine.compiling import compiled, inner
 from signlin_ros.engine.exact import begin, march
 from signlin_ros.engine.parts import OK, hold, prepared, put
-from signlin_ros.engine.surfaces import SIGNED
+from signlin_ros.engine.surfaces import SIGNED_SURFACE
 
 Array = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ def follow(at, links, slots, p, x0, delay, references, feed, noise, law, memory,
     w = prepared(at, p)
     put(at, w, x0)
     for j in range(at.q):
-        w[at.s + j], w[at.mode + j] = 1.0, SIGNED
+        w[at.s + j], w[at.mode + j] = 1.0, SIGNED_SURFACE
     period = settings[1]
     behind = int(np.floor(delay / period + 1e-9))
     part = delay - behind * period if delay - behind * period > 1e-9 * period else 0.0
@@ -72,7 +72,7 @@ def follow(at, links, slots, p, x0, delay, references, feed, noise, law, memory,
 
 
 @dataclass(frozen=True)
-class Run:
+class TrackingRun:
     """A simulated closed loop: times t (T,), reference and motion (T, 2) as position and speed, inputs u (T,).
 
     ``finished`` is False where the plant ran away; the rest is NaN then.
@@ -125,7 +125,7 @@ class Run:
 
 
 @dataclass(frozen=True)
-class Bench:
+class TrackingBench:
     """A plant, a reference and what disturbs: ready for one law after the other.
 
     Parameters
@@ -158,7 +158,7 @@ class Bench:
         q, v, _ = self.profile.at(self.period * np.arange(self.count))
         return np.column_stack([q, v])
 
-    def run(self, law: Law, feed: Array, rtol: float = 1e-5) -> Run:
+    def run(self, law: ControlLaw, feed: Array, rtol: float = 1e-5) -> TrackingRun:
         """Close the loop with a law and a feed-forward (T,), from rest at the start of the profile."""
         t: Array = self.period * np.arange(self.count, dtype=float)
         X, U = np.full((t.size, 2), np.nan), np.full(t.size, np.nan)
@@ -167,4 +167,4 @@ class Bench:
         start = resting(self.plant, self.profile.start)
         plant = (*self.plant.plan, self.plant.slots, model.p, start, self.lead)
         status, _ = follow(*plant, self.reference, feed, noise, law.parts, law.memory, rtol, X, U)
-        return Run(t, self.reference, X, U, law.position, status == OK)
+        return TrackingRun(t, self.reference, X, U, law.position, status == OK)

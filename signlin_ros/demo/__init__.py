@@ -8,13 +8,22 @@ A_k, B_k, c against what the plant did in the next update period. ``python -m si
 while the machine runs.
 """
 
-from signlin_ros.demo.processes import RATE, DemoError, prefix
-from signlin_ros.demo.worth import Record, Rivals, largest_difference, on_grid, predict_linear, rms, typical, windows
+from signlin_ros.demo.processes import PUBLISH_RATE, DemoError, prefix
+from signlin_ros.demo.worth import (
+    DemoRecord,
+    Rivals,
+    largest_difference,
+    on_grid,
+    predict_linear,
+    rms,
+    typical,
+    windows,
+)
 
 __all__ = [
-    "RATE",
+    "PUBLISH_RATE",
     "DemoError",
-    "Record",
+    "DemoRecord",
     "Rivals",
     "largest_difference",
     "on_grid",

@@ -22,10 +22,10 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.arms.data import Run
+from signlin_ros.arms.data import ArmRun
 from signlin_ros.arms.proposal import placed
 from signlin_ros.arms.told import effects_named, sentences
-from signlin_ros.arms.verbs import Diagnosis, diagnose
+from signlin_ros.arms.verbs import ArmDiagnosis, diagnose
 from signlin_ros.demo.processes import DemoError, prefix
 from signlin_ros.errors import MissingExtraError
 from signlin_ros.model import Model
@@ -37,9 +37,9 @@ HIDDEN = "elbow.coulomb_friction"
 """What the true arm has and the model does not."""
 RATE, PERIOD, LEAST = 50.0, 0.1, 0.5
 """Commands and states per second; seconds for which a linearizer's model is held; part of the states that must come."""
-STIFFNESS, DAMPING = np.array([20.0, 30.0, 8.0]), np.array([3.0, 5.0, 1.2])
+LOOP_STIFFNESS, LOOP_DAMPING = np.array([20.0, 30.0, 8.0]), np.array([3.0, 5.0, 1.2])
 """Of the controller, in N·m/rad and N·m·s/rad: soft, since commands may be late."""
-BAND, PATIENCE, RUNAWAY = 6.0, 120.0, 20.0
+BAND, MAX_ARM_WAIT, RUNAWAY = 6.0, 120.0, 20.0
 """Hz of the diagnosis; seconds to wait for a node; rad/s that no motion here has."""
 
 
@@ -64,7 +64,7 @@ class Operator:
         from sensor_msgs.msg import JointState
         from std_msgs.msg import Float64MultiArray
 
-        from signlin_ros.nodes.qos import LATCHED, RELIABLE, SENSORS
+        from signlin_ros.nodes.qos import LATCHED, RELIABLE, SENSOR_QOS
 
         rclpy.init()
         self._rclpy, self._message = rclpy, Float64MultiArray
@@ -74,7 +74,7 @@ class Operator:
         self.models: dict[str, list[list[float]]] = {"given": [], "found": []}
         self.last: dict[str, float] = {}
         self._inputs = self.node.create_publisher(Float64MultiArray, "input", RELIABLE)
-        self.node.create_subscription(JointState, "joint_states", self._on_state, SENSORS)
+        self.node.create_subscription(JointState, "joint_states", self._on_state, SENSOR_QOS)
         for name, kept in self.models.items():
             topic = f"{name}/model"
             self.node.create_subscription(Float64MultiArray, topic, lambda m, k=kept: k.append(list(m.data)), LATCHED)
@@ -90,14 +90,14 @@ class Operator:
 
     def wait(self, condition: Callable[[], bool], what: str, check: Callable[[], None]) -> None:
         """Spin until something is so."""
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + MAX_ARM_WAIT
         while not condition():
             self._rclpy.spin_once(self.node, timeout_sec=0.1)
             check()
             if time.monotonic() > end:
-                raise DemoError(f"waited {PATIENCE:g} s in vain for {what}")
+                raise DemoError(f"waited {MAX_ARM_WAIT:g} s in vain for {what}")
 
-    def drive(self, seconds: float, seed: int, check: Callable[[], None]) -> Run:
+    def drive(self, seconds: float, seed: int, check: Callable[[], None]) -> ArmRun:
         """Follow a motion for some seconds; return what the arm published meanwhile."""
         n = len(self.names)
         t = np.arange(0.0, seconds, 1.0 / RATE)
@@ -127,10 +127,10 @@ class Operator:
     def _command(self, q: Array, v: Array, feed: Array) -> None:
         here = np.array([self.last[f"{name}.position"] for name in self.names])
         speed = np.array([self.last[f"{name}.velocity"] for name in self.names])
-        effort = feed + STIFFNESS * (q - here) + DAMPING * (v - speed)
+        effort = feed + LOOP_STIFFNESS * (q - here) + LOOP_DAMPING * (v - speed)
         self._inputs.publish(self._message(data=effort.tolist()))
 
-    def _run(self, seconds: float) -> Run:
+    def _run(self, seconds: float) -> ArmRun:
         if len(self.rows) < LEAST * RATE * seconds:
             many = f"{len(self.rows)} of {RATE * seconds:.0f} states came"
             raise DemoError(f"{many}: this machine is too busy for an arm in real time")
@@ -140,7 +140,7 @@ class Operator:
         even = np.arange(table[0, 0], table[-1, 0], 1.0 / RATE)
         columns = [np.interp(even, table[:, 0], column) for column in table[:, 1:].T]
         q, v, u = (np.stack(columns[k * n : (k + 1) * n], axis=1) for k in range(3))
-        return Run(even, q, v, u, "over ROS 2", np.zeros(n))
+        return ArmRun(even, q, v, u, "over ROS 2", np.zeros(n))
 
     def close(self) -> None:
         """End the node."""
@@ -148,7 +148,7 @@ class Operator:
         self._rclpy.shutdown()
 
 
-def held_errors(models: list[list[float]], run: Run) -> Array:
+def held_errors(models: list[list[float]], run: ArmRun) -> Array:
     """Return how far the velocities (W, n) are off that each published model predicts for the time it is held."""
     found, n = [], run.q.shape[1]
     x_all = np.concatenate([run.q, run.v if run.v is not None else np.gradient(run.q, run.step, axis=0)], axis=1)
@@ -204,7 +204,7 @@ def _end(process: subprocess.Popen[bytes]) -> None:
         process.kill()
 
 
-def run(seconds: float, output: Path, say: Callable[[str], None]) -> tuple[Diagnosis, dict[str, Array]]:
+def run(seconds: float, output: Path, say: Callable[[str], None]) -> tuple[ArmDiagnosis, dict[str, Array]]:
     """Run the demo; return the diagnosis, and the errors of what each linearizer published."""
     place = prefix() / "share" / "signlin_ros" / "config" / "arm"
     truth = cast("ArmModel", Model.load(place / "small_arm.yaml"))

@@ -24,14 +24,14 @@ from signlin_ros.errors import MissingExtraError, SignlinError
 from signlin_ros.model import Model
 from signlin_ros.simulation import simulate
 
-STEP, LENGTH = 0.01, 8.0
+RECORD_STEP, RECORD_LENGTH = 0.01, 8.0
 """Of the first record, in s."""
-MU, NOISE = 0.03, 0.05
+HIDDEN_FRICTION, RECORD_NOISE = 0.03, 0.05
 """Friction in N·m; white noise of current in A and speed in rad/s."""
 VOLTAGE, SPEED = 6.0, 60.0
 """Limits in V and rad/s."""
-NAMESPACE = "/experiment"
-PATIENCE = 120.0
+EXPERIMENT_NAMESPACE = "/experiment"
+MAX_RUN_WAIT = 120.0
 """Seconds to wait for the play, beyond its own length."""
 
 
@@ -43,12 +43,12 @@ def nominal() -> Model:
 
 def first_record(folder: Path) -> Path:
     """Write the record of a motor that turns one way."""
-    t = STEP * np.arange(round(LENGTH / STEP))
+    t = RECORD_STEP * np.arange(round(RECORD_LENGTH / RECORD_STEP))
     wave = sum(np.sin(2 * np.pi * f * t + f) for f in (0.5, 1.3, 2.9))
     u = (3.5 + 0.5 * wave) * np.clip(t / 0.2, 0.0, 1.0)
-    run = simulate(nominal().with_effect("coulomb_friction", mu=MU), t, u[:, None])
+    run = simulate(nominal().with_effect("coulomb_friction", mu=HIDDEN_FRICTION), t, u[:, None])
     g = np.random.default_rng(1)
-    shown = [run[c] + NOISE * g.standard_normal(t.size) for c in ("current", "speed")]
+    shown = [run[c] + RECORD_NOISE * g.standard_normal(t.size) for c in ("current", "speed")]
     moving = t > 0.3
     table = np.column_stack([t, u, *shown])[moving]
     path = folder / "first.csv"
@@ -69,18 +69,26 @@ def played(folder: Path, length: float) -> str:
     """Play ``next.csv`` twice to a simulated machine over ROS 2, and return how that ended."""
     place, logs = prefix() / "lib" / "signlin_ros", folder / "logs"
     logs.mkdir(exist_ok=True)
-    nominal().with_effect("coulomb_friction", mu=MU).save(folder / "machine.yaml")
-    simulator = [f"publish_rate:={1 / STEP:g}", f"noise:={NOISE}", "seed:=7"]
+    nominal().with_effect("coulomb_friction", mu=HIDDEN_FRICTION).save(folder / "machine.yaml")
+    simulator = [f"publish_rate:={1 / RECORD_STEP:g}", f"noise:={RECORD_NOISE}", "seed:=7"]
     player = ["command:=next.csv", "output:=played.csv", f"limit:={VOLTAGE}", f"limits:=speed={SPEED:g}"]
     player += ["state_timeout:=1.0", "first_record:=first.csv", "ramp:=0.0"]
     running = []
     try:
         for name, model, options in (("plant_simulator", "machine.yaml", simulator), ("play", "model.yaml", player)):
             parameters = [part for option in options for part in ("-p", option)]
-            command = [str(place / name), "--ros-args", "--params-file", model, "-r", f"__ns:={NAMESPACE}", *parameters]
+            command = [
+                str(place / name),
+                "--ros-args",
+                "--params-file",
+                model,
+                "-r",
+                f"__ns:={EXPERIMENT_NAMESPACE}",
+                *parameters,
+            ]
             with (logs / f"{name}.log").open("wb") as out:
                 running.append(subprocess.Popen(command, cwd=folder, stdout=out, stderr=out))
-        end = time.monotonic() + 2 * length + PATIENCE
+        end = time.monotonic() + 2 * length + MAX_RUN_WAIT
         while running[1].poll() is None and running[0].poll() is None and time.monotonic() < end:
             time.sleep(0.2)
     finally:

@@ -32,43 +32,43 @@ from signlin_ros.model import Model
 from signlin_ros.warming import warm_up
 
 Array = NDArray[np.float64]
-NAMESPACE = "/live"
-BASE = {"with_position": True, "update_period": 0.02, "operating_point": "midpoint"}
+LIVE_NAMESPACE = "/live"
+BASE_OPTIONS = {"with_position": True, "update_period": 0.02, "operating_point": "midpoint"}
 """A linear model cannot follow the waves of the cogging for long."""
-MU = 0.033
+LIVE_FRICTION = 0.033
 COGGING = (0.012, 14.0, 0.3)
 """Friction in N·m; amplitude, order and phase of the cogging."""
-AMPLITUDE, INPUT_PERIOD = 3.0, 7.0
-RATE = 100.0
+DRIVE_AMPLITUDE, DRIVE_PERIOD = 3.0, 7.0
+STATE_RATE = 100.0
 """States per second: five processes share a small machine."""
 LOOP_DELAY = 0.05
 """Seconds that the controller reckons with from a sample until its input acts, on a machine that has other work."""
-NOISE = 1e-3
+STATE_NOISE = 1e-3
 """Of every state that the simulator shows, in its unit."""
-SPEED, REFERENCE_PERIOD, LIMIT = 2.0, 6.0, 8.0
+REFERENCE_SPEED, REFERENCE_PERIOD, VOLTAGE_LIMIT = 2.0, 6.0, 8.0
 """Largest speed and period of the reference, and the largest voltage: waves of the cogging pass at 4.5 Hz at most."""
-LEARN, BEFORE, AFTER = 10.0, 40.0, 30.0
+LEARNING_TIME, BEFORE, TIME_AFTER = 10.0, 40.0, 30.0
 """Seconds in which the monitor learns; until the diagnosis is asked for; after the model was applied."""
-SETTLED = 5.0
+STARTING_TIME = 5.0
 """Seconds at the start in which the drive gets going."""
 SMOOTHED = 2.0
 """Seconds over which the figure takes errors together."""
-PATIENCE = 900.0
+MAX_WAIT = 900.0
 """Seconds to wait for an answer; a diagnosis on a busy machine takes minutes."""
 
 
 def machine() -> Model:
     """Return the machine: a motor with friction and cogging."""
     A, N, phi = COGGING
-    return nominal().with_effect("coulomb_friction", mu=MU).with_effect("cogging_torque", A=A, N=N, phi=phi)
+    return nominal().with_effect("coulomb_friction", mu=LIVE_FRICTION).with_effect("cogging_torque", A=A, N=N, phi=phi)
 
 
 def nominal() -> Model:
     """Return the model that is thought to be right: without friction."""
-    return Model.load("dc_motor").without_effect("coulomb_friction").with_options(**BASE)
+    return Model.load("dc_motor").without_effect("coulomb_friction").with_options(**BASE_OPTIONS)
 
 
-class Processes:
+class LiveProcesses:
     """Executables from ``lib/signlin_ros`` in one namespace, each with its output in a file; all are ended."""
 
     def __init__(self, folder: Path) -> None:
@@ -85,7 +85,7 @@ class Processes:
         command = [str(self.place / "lib" / "signlin_ros" / executable), "--ros-args", "--params-file", str(model)]
         with (self.folder / f"{executable}.log").open("wb") as out:
             self._running[executable] = subprocess.Popen(
-                [*command, "-r", f"__ns:={NAMESPACE}", *options], stdout=out, stderr=out
+                [*command, "-r", f"__ns:={LIVE_NAMESPACE}", *options], stdout=out, stderr=out
             )
 
     def check(self) -> None:
@@ -119,7 +119,7 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 class Story:
     """A peer that listens to the monitor, calls its services, and gives the controller its reference."""
 
-    def __init__(self, processes: Processes, tracked: bool) -> None:
+    def __init__(self, processes: LiveProcesses, tracked: bool) -> None:
         import rclpy
         from rclpy.context import Context
         from rclpy.executors import SingleThreadedExecutor
@@ -131,7 +131,9 @@ class Story:
         self.context = Context()
         rclpy.init(context=self.context, args=[], signal_handler_options=SignalHandlerOptions.NO)
         self.executor = SingleThreadedExecutor(context=self.context)
-        self.node = rclpy.create_node("story", namespace=NAMESPACE, context=self.context, use_global_arguments=False)
+        self.node = rclpy.create_node(
+            "story", namespace=LIVE_NAMESPACE, context=self.context, use_global_arguments=False
+        )
         self.executor.add_node(self.node)
         self.begun = time.monotonic()
         self.errors: list[tuple[float, Array]] = []
@@ -165,7 +167,7 @@ class Story:
         self.verdicts.append(json.loads(message.data))
 
     def _wanted(self, t: float) -> float:
-        return SPEED * float(np.sin(2 * np.pi * t / REFERENCE_PERIOD))
+        return REFERENCE_SPEED * float(np.sin(2 * np.pi * t / REFERENCE_PERIOD))
 
     def _on_state(self, message: Any) -> None:
         if self.tracked:
@@ -176,7 +178,7 @@ class Story:
 
         self._reference.publish(Float64MultiArray(data=[self._wanted(self.now)]))
 
-    def wait(self, condition: Callable[[], Any], what: str, patience: float = PATIENCE) -> Any:
+    def wait(self, condition: Callable[[], Any], what: str, patience: float = MAX_WAIT) -> Any:
         """Spin until the condition holds; return its value."""
         end = time.monotonic() + patience
         while not (value := condition()):
@@ -213,20 +215,22 @@ def tell(folder: Path, say: Callable[[str], None]) -> Story:
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # matrices of 3 x 3: threads only wait for one another
     say(f"compiled ahead in {warm_up(nominal()) + warm_up(machine()):.0f} s")
-    processes = Processes(folder)
+    processes = LiveProcesses(folder)
     truth, thought = folder / "machine.yaml", folder / "nominal.yaml"
     machine().save(truth)
     nominal().save(thought)
     tracked = processes.has("controller")
-    driven = [] if tracked else [f"amplitude:={AMPLITUDE}", f"input_period:={INPUT_PERIOD}", "input_signal:=multisine"]
+    driven = (
+        [] if tracked else [f"amplitude:={DRIVE_AMPLITUDE}", f"input_period:={DRIVE_PERIOD}", "input_signal:=multisine"]
+    )
     joint = "state_source:=joint_state"
     story = None
     try:
-        processes.start("plant_simulator", truth, f"noise:={NOISE}", f"publish_rate:={RATE}", *driven)
+        processes.start("plant_simulator", truth, f"noise:={STATE_NOISE}", f"publish_rate:={STATE_RATE}", *driven)
         processes.start("linearizer", thought, joint)
-        processes.start("monitor", thought, joint, f"learn:={LEARN}", f"folder:={folder}")
+        processes.start("monitor", thought, joint, f"learn:={LEARNING_TIME}", f"folder:={folder}")
         if tracked:
-            limits = (f"limit:={LIMIT}", f"largest_speed:={SPEED}", f"loop_delay:={LOOP_DELAY}")
+            limits = (f"limit:={VOLTAGE_LIMIT}", f"largest_speed:={REFERENCE_SPEED}", f"loop_delay:={LOOP_DELAY}")
             processes.start("controller", thought, "track:=speed", *limits)
         story = Story(processes, tracked)
         before = processes.pids()
@@ -234,7 +238,7 @@ def tell(folder: Path, say: Callable[[str], None]) -> Story:
         say("the model without friction is watched ...")
         story.spend(BEFORE)
         _improve(story, say)
-        story.spend(AFTER)
+        story.spend(TIME_AFTER)
         story.mark("end")
         if processes.pids() != before:
             raise DemoError("a process was restarted")
@@ -269,7 +273,7 @@ def summary(story: Story) -> dict[str, float]:
     parts = {"before": e[t < first, 0], "after": e[t > second, 0], "friction-free": e[t > second, 1]}
     if story.tracking:
         s, error = np.array(story.tracking).T
-        parts |= {"tracking before": error[(s < first) & (s > SETTLED)], "tracking after": error[s > second]}
+        parts |= {"tracking before": error[(s < first) & (s > STARTING_TIME)], "tracking after": error[s > second]}
     rms = {name: _rms(values) for name, values in parts.items()}
     return rms | {f"{name}, median": float(np.median(np.abs(values))) for name, values in parts.items() if values.size}
 
@@ -287,7 +291,7 @@ def draw(story: Story, path: Path) -> None:
         if story.tracking:
             s, error = np.array(story.tracking).T
             axes[1].plot(s, error, lw=0.6, color="C1")
-            axes[1].set_ylim(*(float(np.max(np.abs(error[s > SETTLED]), initial=1e-3)) * np.array([-1.1, 1.1])))
+            axes[1].set_ylim(*(float(np.max(np.abs(error[s > STARTING_TIME]), initial=1e-3)) * np.array([-1.1, 1.1])))
             axes[1].set_ylabel("tracking error [rad/s]")
         for ax in axes:
             _draw_moments(story, ax)
@@ -303,8 +307,8 @@ def _draw_errors(story: Story, ax: Any) -> None:
         ax.semilogy(t, e[:, column], ".", ms=2, alpha=0.3, color=color)
         mean = [_rms(e[(t > when - SMOOTHED) & (t <= when), column]) for when in t]
         ax.semilogy(t, mean, color=color, label=f"{label} (RMS over {SMOOTHED:g} s)")
-    ax.axhline(NOISE, color="k", lw=0.8, ls=":", label="noise of the measured speed")
-    ax.set_ylim(NOISE / 10, 10 * float(np.max(e)))
+    ax.axhline(STATE_NOISE, color="k", lw=0.8, ls=":", label="noise of the measured speed")
+    ax.set_ylim(STATE_NOISE / 10, 10 * float(np.max(e)))
     ax.set_ylabel("error of the speed predicted\nover one period [rad/s]")
     ax.legend(loc="upper left", ncols=2, fontsize="small")
 

@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     from signlin_ros.nodes.listen import Heard, Listener
 
 MODEL = "dc_motor"
-AMPLITUDE, INPUT_PERIOD, RATE = 2.0, 2.23, 200.0
+AMPLITUDE, INPUT_PERIOD, PUBLISH_RATE = 2.0, 2.23, 200.0
 """Of the plant: voltage in V, period of the square in s, published states per second.
 
 The seven reversals, 1.115 s apart, spread evenly over the update period of 0.2 s, so that the result hardly
 depends on when a linearizer happened to start."""
-POINTS = {"start": "linearizer", "midpoint": "linearizer_midpoint"}
+LINEARIZERS = {"start": "linearizer", "midpoint": "linearizer_midpoint"}
 """Operating point and name of each linearizer."""
 START_PATIENCE, RUN_PATIENCE, STOP_PATIENCE = 180.0, 30.0, 15.0
 """Seconds to wait: for a node to be there (the first run on a machine compiles), beyond the run, for an end."""
@@ -108,7 +108,7 @@ def _listener(namespace: str) -> Listener:
         if error.name is None or error.name.startswith("signlin_ros"):
             raise
         raise MissingExtraError("The demo", "ros") from error
-    return Listener(namespace, POINTS.values())
+    return Listener(namespace, LINEARIZERS.values())
 
 
 def _stay_on_this_machine(place: Path) -> None:
@@ -133,12 +133,12 @@ def listen(seconds: float, say: Callable[[str], None]) -> Heard:
                     raise DemoError(f"waited {patience:g} s in vain for {what}")
 
         say("starting two linearizers (the first run on a machine compiles: half a minute) ...")
-        for point, name in POINTS.items():
+        for point, name in LINEARIZERS.items():
             processes.start("linearizer", name, f"operating_point:={point}")
         wait(lambda: listener.linearizers_ready, START_PATIENCE, "the linearizers")
         say("starting the plant simulator ...")
         drive = ("input_signal:=square", f"amplitude:={AMPLITUDE}", f"input_period:={INPUT_PERIOD}")
-        processes.start("plant_simulator", "plant_simulator", *drive, f"publish_rate:={RATE}")
+        processes.start("plant_simulator", "plant_simulator", *drive, f"publish_rate:={PUBLISH_RATE}")
         wait(
             lambda: listener.span > 0 and listener.all_publish, START_PATIENCE, "the plant's state and the first models"
         )
@@ -151,9 +151,9 @@ def listen(seconds: float, say: Callable[[str], None]) -> Heard:
 __all__ = [
     "AMPLITUDE",
     "INPUT_PERIOD",
+    "LINEARIZERS",
     "MODEL",
-    "POINTS",
-    "RATE",
+    "PUBLISH_RATE",
     "RUN_PATIENCE",
     "START_PATIENCE",
     "STOP_PATIENCE",

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 
-from signlin_ros.demo.processes import MODEL, POINTS, DemoError, listen
+from signlin_ros.demo.processes import LINEARIZERS, MODEL, DemoError, listen
 from signlin_ros.demo.showing import draw, table
 from signlin_ros.demo.worth import Rivals, on_grid, windows
 from signlin_ros.errors import SignlinError
@@ -23,8 +23,8 @@ def run(output: Path, seconds: float, say: Callable[[str], None]) -> str:
     heard = listen(seconds, say)
     say("comparing ...")
     record, rivals = on_grid(heard), Rivals(model)
-    found = {point: windows(rivals, record, heard.models[name]) for point, name in POINTS.items()}
-    for point, name in POINTS.items():
+    found = {point: windows(rivals, record, heard.models[name]) for point, name in LINEARIZERS.items()}
+    for point, name in LINEARIZERS.items():
         if not found[point]:
             raise DemoError(f"{name} has published no model while the plant ran")
     draw(output / "demo.png", model, record, found)

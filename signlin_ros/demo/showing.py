@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from signlin_ros import plotting
-from signlin_ros.demo.worth import Array, Record, Window, largest_difference, rms, typical
+from signlin_ros.demo.worth import Array, DemoRecord, Window, largest_difference, rms, typical
 from signlin_ros.model import Model
 
 COLUMNS = {"published": "published", "no friction": "no friction", "jacobian": "Jacobian", "exact": "exact model"}
 
 
-def table(model: Model, record: Record, found: Mapping[str, Sequence[Window]]) -> str:
+def table(model: Model, record: DemoRecord, found: Mapping[str, Sequence[Window]]) -> str:
     """Return the table: RMS error of the predicted speed, and how many operating points lie in the valid range."""
     every = [window for each in found.values() for window in each]
     row = "  {:<18}{:>11}{:>13}{:>11}{:>13}{:>17}".format
@@ -48,17 +48,17 @@ all: over every sample; median: of the predictions, one for each published model
 In valid range: {limit} (sign_j, j = {order}). {heard}.
 Largest difference between a published A_k, B_k, c and the library's own: {difference:g}."""
 LABELS = {
-    "start": ("A$_k$ from the start (paper)", plotting.START),
+    "start": ("A$_k$ from the start (paper)", plotting.START_COLOUR),
     "midpoint": ("A$_k$ from the predicted midpoint", plotting.MIDPOINT),
 }
 
 
-def draw(path: Path, model: Model, record: Record, found: Mapping[str, Sequence[Window]]) -> None:
+def draw(path: Path, model: Model, record: DemoRecord, found: Mapping[str, Sequence[Window]]) -> None:
     """Draw the speed with every prediction on it, the error of each, and the damping that A_k holds."""
     column = model.states.index(model.plant.velocity)
     with plotting.canvas(path, 8.6, 6.6) as figure:
         speed, error, damping = figure.subplots(3, 1, sharex=True, height_ratios=(3, 2, 1.6))
-        speed.plot(record.t, record.x[:, column], color=plotting.EXACT, lw=2.4, label="plant (received)")
+        speed.plot(record.t, record.x[:, column], color=plotting.EXACT_COLOUR, lw=2.4, label="plant (received)")
         bare = [(window.time, window.part, window.speeds["no friction"]) for window in found["start"]]
         _segments(speed, record, bare, plotting.BARE, "friction-free model")
         _dots(error, found["start"], "no friction", plotting.BARE)
@@ -79,7 +79,9 @@ def draw(path: Path, model: Model, record: Record, found: Mapping[str, Sequence[
         plotting.legend_above(figure, speed, 3)
 
 
-def _segments(axes: Any, record: Record, each: Sequence[tuple[float, slice, Array]], colour: str, label: str) -> None:
+def _segments(
+    axes: Any, record: DemoRecord, each: Sequence[tuple[float, slice, Array]], colour: str, label: str
+) -> None:
     for number, (_, part, values) in enumerate(each):
         axes.plot(record.t[part], values, color=colour, lw=1.3, label=label if number == 0 else None)
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.demo.processes import RATE
+from signlin_ros.demo.processes import PUBLISH_RATE
 from signlin_ros.linearization import Linearizer
 from signlin_ros.model import Model
 from signlin_ros.predict import without_dry_friction
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     from signlin_ros.nodes.listen import Heard
 
 Array = NDArray[np.float64]
-LONGEST_GAP = 0.03
+MAX_STATE_GAP = 0.03
 """Seconds between two states above which a prediction is not judged: a busy machine lost too much in between."""
 
 
 @dataclass(frozen=True)
-class Record:
+class DemoRecord:
     """States x (T, n) on the plant's own time grid t (T,) in s, and u (T, m) held from each sample to the next."""
 
     t: Array
@@ -47,21 +47,23 @@ class Window:
     errors: Mapping[str, Array]
 
 
-def on_grid(heard: Heard) -> Record:
+def on_grid(heard: Heard) -> DemoRecord:
     """Return what the plant published, on its own time grid: the publishers' stamps jitter, the plant does not.
 
     The input that comes with a state is the one that led to it.
     """
-    phase = np.angle(np.mean(np.exp(2j * np.pi * RATE * heard.t))) / (2 * np.pi)  # where in a step most are published
-    late = (RATE * heard.t - phase + 0.5) % 1.0 - 0.5
+    phase = np.angle(np.mean(np.exp(2j * np.pi * PUBLISH_RATE * heard.t))) / (
+        2 * np.pi
+    )  # where in a step most are published
+    late = (PUBLISH_RATE * heard.t - phase + 0.5) % 1.0 - 0.5
     early = phase + float(np.quantile(late, 0.05)) - 0.1  # a state belongs to the step before it, however late it is
-    steps, first = np.unique(np.floor(RATE * heard.t - early).astype(int), return_index=True)
+    steps, first = np.unique(np.floor(PUBLISH_RATE * heard.t - early).astype(int), return_index=True)
     steps -= steps[0]
     led = heard.u[np.maximum(np.searchsorted(heard.u_t, heard.t[first], side="right") - 1, 0)]
-    return Record(steps / RATE, heard.x[first], np.vstack([led[1:], led[-1:]]))
+    return DemoRecord(steps / PUBLISH_RATE, heard.x[first], np.vstack([led[1:], led[-1:]]))
 
 
-def predict_linear(A: Array, B: Array, c: Array, record: Record, part: slice) -> Array:
+def predict_linear(A: Array, B: Array, c: Array, record: DemoRecord, part: slice) -> Array:
     """Return the states (S, n) that x' = A x + B u + c predicts for the samples of ``part`` from its first one."""
     from scipy.linalg import expm
 
@@ -87,7 +89,7 @@ class Rivals:
             "jacobian": Linearizer(model.with_options(operating_point="start"), "jacobian"),
         }
 
-    def speeds(self, record: Record, part: slice, update: Update) -> dict[str, Array]:
+    def speeds(self, record: DemoRecord, part: slice, update: Update) -> dict[str, Array]:
         """Return the speed (S,) predicted by the published model, by its rivals, and by the exact model."""
         column, result = self.model.states.index(self.model.plant.velocity), update.result
         found = {"published": predict_linear(result.A, result.B, result.c, record, part)}
@@ -98,7 +100,7 @@ class Rivals:
         return {name: states[:, column] for name, states in (found | {"exact": exact.x}).items()}
 
 
-def windows(rivals: Rivals, record: Record, models: Sequence[tuple[float, Update]]) -> list[Window]:
+def windows(rivals: Rivals, record: DemoRecord, models: Sequence[tuple[float, Update]]) -> list[Window]:
     """Return a window of one update period for each published model that has one in the record without a gap."""
     period, column = rivals.model.update_period, rivals.model.states.index(rivals.model.plant.velocity)
     found = []
@@ -108,7 +110,7 @@ def windows(rivals: Rivals, record: Record, models: Sequence[tuple[float, Update
         if first < 0 or last >= record.t.size:
             continue
         part = slice(first, last + 1)
-        if np.diff(record.t[part]).max() > LONGEST_GAP:
+        if np.diff(record.t[part]).max() > MAX_STATE_GAP:
             continue
         speeds = rivals.speeds(record, part, update)
         errors = {name: (speed - record.x[part, column])[1:] for name, speed in speeds.items()}
@@ -138,9 +140,9 @@ def largest_difference(model: Model, found: Sequence[Window]) -> float:
 
 
 __all__ = [
-    "LONGEST_GAP",
+    "MAX_STATE_GAP",
     "Array",
-    "Record",
+    "DemoRecord",
     "Rivals",
     "Window",
     "largest_difference",

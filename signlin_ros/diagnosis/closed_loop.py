@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from signlin_ros.diagnosis.case import Case
-from signlin_ros.diagnosis.judgement import Judgement
+from signlin_ros.diagnosis.dataset import Dataset
 from signlin_ros.diagnosis.results import listed
+from signlin_ros.diagnosis.verdict import Verdict
 from signlin_ros.effects import find_effect
 
-ASKED = {"mass": "of the load", "kp": "of the loop"}
+ASKED_CONDITIONS = {"mass": "of the load", "kp": "of the loop"}
 """Conditions that another record changes, and what goes with them."""
 CALLED = {"mass": "mass", "kp": "gain"}
 FAMILY = "dry friction"
 
 
-def remarks(j: Judgement) -> list[str]:
+def remarks(j: Verdict) -> list[str]:
     """Return what the records cannot tell; empty for other plants."""
     if not j.case.model.plant.closed_loop:
         return []
@@ -21,7 +21,7 @@ def remarks(j: Judgement) -> list[str]:
     found = [beside] if beside else []
     if alike:
         had = " and ".join(f"one {CALLED[n]} ({value:g}{_unit(j.case, n)})" for n, value in alike.items())
-        what = " and ".join(ASKED[n] for n in alike)
+        what = " and ".join(ASKED_CONDITIONS[n] for n in alike)
         other = " and ".join(f"another {CALLED[n]}" for n in alike)
         found.append(
             f"all records have {had}: what goes with that {what} is not told from the rest; {other} would tell"
@@ -29,7 +29,7 @@ def remarks(j: Judgement) -> list[str]:
     return found
 
 
-def _beside(j: Judgement) -> str:
+def _beside(j: Verdict) -> str:
     """Return which richer laws of friction the records cannot tell beside what is named."""
     if not j.names:
         return ""
@@ -37,11 +37,11 @@ def _beside(j: Judgement) -> str:
     names = sorted(n for n in tried if find_effect(n, "effects").family == FAMILY)
     if not names:
         return ""
-    gain = f"none lowers the error on unseen records by {j.criteria.certainty:g} standard errors"
+    gain = f"none lowers the error on validation data by {j.criteria.certainty:g} standard errors"
     return f"beside {listed(j.names)} these records cannot tell {listed(names)}: {gain}"
 
 
-def experiments(j: Judgement) -> list[str]:
+def experiments(j: Verdict) -> list[str]:
     """Return which records would tell more."""
     alike = same(j.case) if j.case.model.plant.closed_loop else {}
     what = {"mass": "friction that follows the load from friction that does not", "kp": "the motor from its loop"}
@@ -50,17 +50,17 @@ def experiments(j: Judgement) -> list[str]:
     ]
 
 
-def same(case: Case) -> dict[str, float]:
+def same(case: Dataset) -> dict[str, float]:
     """Return the conditions that all records have alike, by name."""
     found, model = dict[str, float](), case.model
-    for name in ASKED:
+    for name in ASKED_CONDITIONS:
         values = {record.conditions.get(name, model.parameters[name]) for record in case.records}
         if len(values) == 1:
             found[name] = values.pop()
     return found
 
 
-def _unit(case: Case, name: str) -> str:
+def _unit(case: Dataset, name: str) -> str:
     return f" {case.model.plant.pars()[name].unit}".removesuffix(" -")
 
 

@@ -16,21 +16,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.comparison.inverse import Efforts, Inverse
+from signlin_ros.comparison.inverse import Efforts, InverseError
 from signlin_ros.comparison.locate import Region, by_direction, locate
 from signlin_ros.comparison.missing import Missing, missing
 from signlin_ros.comparison.residuals import ResidualTest, residual_test
 from signlin_ros.comparison.scores import Score, follows_nothing, score, unfollowed
-from signlin_ros.diagnosis.case import Case, Records, case
-from signlin_ros.diagnosis.criteria import DEFAULT
+from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA
+from signlin_ros.diagnosis.dataset import Dataset, Records, dataset_of
+from signlin_ros.diagnosis.evidence import Evidence, refitted_evidence
 from signlin_ros.diagnosis.input_hold import asks_hold, at_noise
-from signlin_ros.diagnosis.motion import Motion
+from signlin_ros.diagnosis.output_error import OutputErrorEstimator
 from signlin_ros.diagnosis.results import FirstRows
-from signlin_ros.diagnosis.witnesses import Witnesses, refitted
 from signlin_ros.errors import InputError, joined
-from signlin_ros.follow.data import Stretch, as_list, measured_channels, stretches, unit_asked
+from signlin_ros.follow.data import Segment, as_list, measured_channels, stretches, unit_asked
 from signlin_ros.follow.freerun import FreeRun, free_run
-from signlin_ros.follow.observer import TRUSTS, Observer
+from signlin_ros.follow.observer import OBSERVER_TRUSTS, Observer
 from signlin_ros.follow.outliers import without_outliers
 from signlin_ros.follow.segments import pieces
 from signlin_ros.follow.tracking import mean_square
@@ -47,11 +47,11 @@ TRUSTING = 0.003
 """How much the observer behind the residual tests lets the model be wrong: structure must not be followed away."""
 FOR_NOISE = (0.001, 0.003, 0.01, 0.03)
 """Observers whose residuals are asked for the colour of the noise."""
-NOWHERE = "no situation that was looked at holds significantly more of the error than of the time"
+NO_SITUATION = "no situation that was looked at holds significantly more of the error than of the time"
 
 
 @dataclass(frozen=True)
-class Channel:
+class ChannelScores:
     """A measured channel: unit, ``sigma`` of its sensor's noise, by which all verbs tell errors, ``noise`` with the
     colour that what the model leaves tells of it, and what its predictions are worth (None: see the notes).
     """
@@ -95,8 +95,8 @@ class Comparison:
     """
 
     model: Model
-    channels: dict[str, Channel]
-    inverse: dict[str, Inverse]
+    channels: dict[str, ChannelScores]
+    inverse: dict[str, InverseError]
     where: tuple[Region, ...]
     residual_tests: dict[str, ResidualTest]
     horizon: float
@@ -177,7 +177,7 @@ def compare_efforts(model: Model, data: Records, cutoff: float | None = None) ->
     """Return the efforts of records, cut at gaps and without outliers; None where they are not known."""
     records = as_list(data)
     channels = measured_channels(model, records)
-    return Efforts.of(model, [part for r in records for part in pieces(r, channels)[0]], DEFAULT.noise, cutoff)
+    return Efforts.of(model, [part for r in records for part in pieces(r, channels)[0]], DEFAULT_CRITERIA.noise, cutoff)
 
 
 @one_thread
@@ -203,9 +203,9 @@ def compare(
     steps = np.concatenate([np.diff(record.t) for record in records])
     if model.asks_hold and steps.size:  # before anything is fitted
         _horizon(model, horizon, float(np.median(steps)))
-    prepared: Case | InputError
+    prepared: Dataset | InputError
     try:
-        prepared = case(model, data, validation)
+        prepared = dataset_of(model, data, validation)
     except InputError as error:
         prepared = error  # the records cannot be used as `diagnose` uses them
     both = _how_inputs_act(prepared, tell, cancelled)
@@ -220,7 +220,7 @@ def compare(
     window = _windowed(observer, horizon, notes)
     tell("what is missing")
     lacking, residuals = missing(observer, units), [run.innovation for run in observer.runs(observer.design(TRUSTING))]
-    scored = _scored(observer, units, free, window, prepared.noise if isinstance(prepared, Case) else {})
+    scored = _scored(observer, units, free, window, prepared.noise if isinstance(prepared, Dataset) else {})
     tell("where it fails")
     parts, channels, noise = observer.stretches, observer.channels, observer.noise
     efforts = compare_efforts(model, records, cutoff)
@@ -229,7 +229,7 @@ def compare(
     def refit() -> FirstRows:
         if isinstance(prepared, InputError):
             raise prepared
-        return (both or refitted(prepared, progress, cancelled)).first_rows()
+        return (both or refitted_evidence(prepared, progress, cancelled)).first_rows()
 
     return Comparison(
         model=model,
@@ -260,8 +260,8 @@ def compare(
 
 
 def _how_inputs_act(
-    c: Case | InputError, tell: Callable[[str], None], cancelled: Callable[[], bool] | None
-) -> Witnesses | None:
+    c: Dataset | InputError, tell: Callable[[str], None], cancelled: Callable[[], bool] | None
+) -> Evidence | None:
     """Return the model refitted with its inputs acting as the records show; None where that is said, or where what
     inputs that are held leave is noise.
     """
@@ -269,8 +269,8 @@ def _how_inputs_act(
         return None
     tell("how the input acts")
     try:
-        motion = Motion(c.problem, c.unseen, DEFAULT, 1, tell, cancelled)
-        return None if at_noise(motion, motion.base.known_squares) else refitted(c, tell, cancelled)
+        motion = OutputErrorEstimator(c.problem, c.unseen, DEFAULT_CRITERIA, 1, tell, cancelled)
+        return None if at_noise(motion, motion.base.training_squares) else refitted_evidence(c, tell, cancelled)
     except InputError:
         return None  # first rows say why
 
@@ -286,20 +286,20 @@ def _horizon(model: Model, given: float | None, step: float) -> float:
     raise InputError(f"{apart}{unit_asked(step)}; else give a horizon of at least two samples, {2 * step:.3g} s")
 
 
-def lost(channels: Mapping[str, Channel]) -> list[str]:
+def lost(channels: Mapping[str, ChannelScores]) -> list[str]:
     """Return the channels that the model follows neither freely nor over windows."""
     ahead = unfollowed({name: c.windowed for name, c in channels.items() if c.windowed})
     return [name for name in ahead if (free := channels[name].free_run) is None or unfollowed({name: free})]
 
 
 def _remarks(
-    observer: Observer, channels: Mapping[str, Channel], lacking: Sequence[Missing], where: Sequence[Region]
+    observer: Observer, channels: Mapping[str, ChannelScores], lacking: Sequence[Missing], where: Sequence[Region]
 ) -> list[str]:
     """Return what a reader should know of how the figures came about."""
     names = lost(channels)
     found = [follows_nothing(names)] if names else []
     if any(m.clear for m in lacking) and not where:
-        found.append(NOWHERE)
+        found.append(NO_SITUATION)
     if not all(noise.even for noise in observer.noise):
         found.append("unevenly sampled: the noise, its colour and the residual tests are approximate")
     return found
@@ -318,7 +318,7 @@ def _observed(model: Model, records: Sequence[ModelData]) -> tuple[Observer, lis
     return Observer(model, parts, channels, noise), [*given, *chain(*left_out), *notes]
 
 
-def _noise(parts: list[Stretch], j: int, residuals: list[list[Array]]) -> Noise:
+def _noise(parts: list[Segment], j: int, residuals: list[list[Array]]) -> Noise:
     """Return the noise of channel j, from the longest stretch that has it."""
     k = int(np.argmax([np.isfinite(s.y[:, j]).sum() for s in parts]))
     return noise_level(parts[k].t, parts[k].y[:, j], [runs[k][:, j] for runs in residuals])
@@ -338,7 +338,7 @@ def _windowed(observer: Observer, horizon: float, notes: list[str]) -> list[Arra
     if not any(len(at) > 1 for at in starts):
         notes.append(f"no windowed prediction: the record is shorter than two windows of {horizon:g} s")
         return [np.full(s.y.shape, np.nan) for s in observer.stretches]
-    tried = [_shown_in_windows(observer, observer.states(observer.design(trust)), starts) for trust in TRUSTS]
+    tried = [_shown_in_windows(observer, observer.states(observer.design(trust)), starts) for trust in OBSERVER_TRUSTS]
     y = np.concatenate([s.y for s in observer.stretches])
     best = np.argmin([mean_square(y - np.concatenate(shown)) for shown in tried], axis=0)
     return [np.choose(best, parts) for parts in zip(*tried, strict=True)]
@@ -358,7 +358,7 @@ def _shown_in_windows(observer: Observer, states: list[Array], starts: list[list
 
 def _scored(
     observer: Observer, units: dict[str, str], free: list[FreeRun], window: list[Array], sigmas: Mapping[str, float]
-) -> dict[str, Channel]:
+) -> dict[str, ChannelScores]:
     """Return the channels with their scores; ``sigmas``: noise of their sensors, where that is known by now."""
     own = dict(zip(observer.channels, sensor_noise([(s.t, s.y) for s in observer.stretches]).tolist(), strict=True))
     sigmas = {**own, **sigmas}
@@ -367,8 +367,8 @@ def _scored(
     failed, found = any(run.why for run in free), {}
     for j, (name, noise) in enumerate(zip(observer.channels, observer.noise, strict=True)):
         whole, ahead = (score(y[:, j], predicted[:, j], sigmas[name]) for predicted in (runs, windowed))
-        found[name] = Channel(units[name], sigmas[name], noise, None if failed else whole, ahead)
+        found[name] = ChannelScores(units[name], sigmas[name], noise, None if failed else whole, ahead)
     return found
 
 
-__all__ = ["Channel", "Comparison", "Traces", "compare", "compare_efforts", "lost"]
+__all__ = ["ChannelScores", "Comparison", "Traces", "compare", "compare_efforts", "lost"]

@@ -11,9 +11,10 @@ class Criteria:
 
     # ------------------------------------------------------------ what is named
     certainty: float = 3.5
-    """Standard errors by which an effect lowers the unseen error: the best of twenty lowers it by 2 by chance."""
+    """Standard errors by which an effect lowers the validation error: the best of twenty lowers it by 2 by chance."""
     least: float = 2.0
-    """Standard errors by which it lowers it on unseen data by themselves, where known and unseen data together tell."""
+    """Standard errors by which it lowers it on validation data by themselves, where known and validation data together
+    tell."""
     each: float = 0.02
     """Least part of the squared force that a law takes away for each parameter, beside none or a simpler law."""
     coefficient: float = 4.0
@@ -29,7 +30,7 @@ class Criteria:
     most: int = 3
     """Most effects that are named together."""
     beam: int = 4
-    """Sets of laws that the force witness follows at each step."""
+    """Sets of laws that the equation-error estimate follows at each step."""
     waves: float = 3.0
     """Periods of a wave over the position that a record must hold, where its order is free;"""
     once: float = 1.0
@@ -49,7 +50,7 @@ class Criteria:
     wider: float = 3.0
     """Times that band, where nothing is found in it."""
     sees: float = 2.5
-    """Times the sensors' noise that the force left must be, for the force witness to tell what is in it."""
+    """Times the sensors' noise that the force left must be, for the equation-error estimate to tell what is in it."""
 
     # ------------------------------------------------------------ what counts as left over
     near: float = 2.0
@@ -66,6 +67,6 @@ class Criteria:
     """Part of the effort, or of a channel where none is seen (RMS), from which on what is left is missing."""
 
 
-DEFAULT = Criteria()
+DEFAULT_CRITERIA = Criteria()
 
-__all__ = ["DEFAULT", "Criteria"]
+__all__ = ["DEFAULT_CRITERIA", "Criteria"]

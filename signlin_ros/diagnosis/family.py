@@ -1,4 +1,4 @@
-"""Which law of a family a confirmed model should have: the simpler one, or a richer one that both witnesses ask for."""
+"""Which law of a family a confirmed model should have: the simpler one, or a richer one that both estimates ask for."""
 
 from __future__ import annotations
 
@@ -8,33 +8,33 @@ from functools import partial
 
 import numpy as np
 
-from signlin_ros.diagnosis.force.regression import Fit
-from signlin_ros.diagnosis.force.witness import Testimony
-from signlin_ros.diagnosis.motion import Fitted
-from signlin_ros.diagnosis.witnesses import HALF, Witnesses
+from signlin_ros.diagnosis.equation_error.estimate import EquationErrorResult
+from signlin_ros.diagnosis.equation_error.regression import RegressionFit
+from signlin_ros.diagnosis.evidence import HALF, Evidence
+from signlin_ros.diagnosis.output_error import FittedModel
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model
 
 
 @dataclass(frozen=True, eq=False)
-class Choice:
-    """Both witnesses of a choice among laws; ``force``: that one of them."""
+class FamilyChoice:
+    """Both estimates of a choice among laws; ``force``: that one of them."""
 
-    witnesses: Witnesses
-    force: Testimony
+    evidence: Evidence
+    force: EquationErrorResult
 
     @property
     def imposed(self) -> bool:
-        """Whether the motion is imposed: both witnesses speak of one force then, the motion's of all its band."""
-        return self.witnesses.case.model.plant.motion_is_imposed()
+        """Whether the motion is imposed: both estimates speak of one force then, the motion's of all its band."""
+        return self.evidence.case.model.plant.motion_is_imposed()
 
-    def simulated(self, fit: Fit) -> Fitted | None:
-        """Return a set of the force witness fitted by simulation; None where that cannot be."""
+    def simulated(self, fit: RegressionFit) -> FittedModel | None:
+        """Return a set of the equation-error estimate fitted by simulation; None where that cannot be."""
         return self._fitted([n for n, _ in fit.members], partial(self.force.with_laws, fit))
 
-    def _fitted(self, names: Sequence[str], start: Callable[[], Model], least: float = np.inf) -> Fitted | None:
+    def _fitted(self, names: Sequence[str], start: Callable[[], Model], least: float = np.inf) -> FittedModel | None:
         """Return a fit; None where that cannot be, or -2 log likelihood does not soon come below the ``least``."""
-        motion = self.witnesses.motion
+        motion = self.evidence.motion
         try:
             model = start()
             if least < np.inf and motion.soon(*motion.valued(names, model)) >= least:
@@ -42,14 +42,14 @@ class Choice:
             found = motion.fitted(names, model)
         except InputError:
             return None
-        self.witnesses.keep(found)
+        self.evidence.keep(found)
         return found
 
     # ------------------------------------------------------------ a richer law of the same family
 
-    def in_family(self, found: Fitted) -> Fitted:
+    def in_family(self, found: FittedModel) -> FittedModel:
         """Return a model with a richer law in place of one if motion surely asks for it, and force where it is seen."""
-        w, laws = self.witnesses, self.force.search.r.laws
+        w, laws = self.evidence, self.force.search.r.laws
         for name in found.effects:
             family = laws[name].effect.family
             kin = [n for n, law in laws.items() if family and law.effect.family == family]
@@ -65,9 +65,9 @@ class Choice:
             found = next((one for one in better if self.imposed or not w.sees(found) or self._shows(found, one)), found)
         return found
 
-    def worth_it(self, found: Fitted, name: str, richer: Sequence[str]) -> list[str]:
+    def worth_it(self, found: FittedModel, name: str, richer: Sequence[str]) -> list[str]:
         """Return the laws in place of ``name`` that take visible force away, or the best; all where none is seen."""
-        if self.imposed or not self.witnesses.sees(found):
+        if self.imposed or not self.evidence.sees(found):
             return list(richer)
         models, names = self.force.search.models, frozenset(found.effects)
         errors = {n: models[names - {name} | {n}].error for n in richer if names - {name} | {n} in models}
@@ -77,46 +77,46 @@ class Choice:
         best = min(errors, key=lambda n: errors[n])
         return [n for n in richer if n == best or errors.get(n, 0.0) < most]
 
-    def _shows(self, before: Fitted, after: Fitted) -> bool:
+    def _shows(self, before: FittedModel, after: FittedModel) -> bool:
         """Tell whether a richer law surely takes away force, and a visible part of all that is missing."""
-        a, b = (self.witnesses.left(f) for f in (before, after))
+        a, b = (self.evidence.left(f) for f in (before, after))
         gone = 0.0 if a is None or b is None else float(np.mean(a) - np.mean(b))
-        return self.witnesses.falls(before, after) and gone > self._shown
+        return self.evidence.falls(before, after) and gone > self._shown
 
     @property
     def _shown(self) -> float:
         """A visible part of all the squared force that is missing."""
-        return self.witnesses.criteria.each * self.force.search.base.error
+        return self.evidence.criteria.each * self.force.search.base.error
 
-    def _started(self, found: Fitted, name: str, other: str) -> Model:
-        """Return a fitted model with another law in place of one, as the force witness fitted it alone."""
+    def _started(self, found: FittedModel, name: str, other: str) -> Model:
+        """Return a fitted model with another law in place of one, as the equation-error estimate fitted it alone."""
         model = found.model
         for key in [k for k, use in model.effects.items() if use.type == name]:
             model = model.without_effect(key)
-        return model.with_effect(other, None, **self.force.values(self.witnesses.laws[other], other))
+        return model.with_effect(other, None, **self.force.values(self.evidence.laws[other], other))
 
     # ------------------------------------------------------------ where the motion is imposed
 
-    def in_all_band(self, found: Fitted) -> Fitted:
+    def in_all_band(self, found: FittedModel) -> FittedModel:
         """Return the best other set that leaves less of an imposed motion's force in all its band, if there is one."""
         search = self.force.search
         if not self.imposed:
             return found
         others = [f for f in search.models.values() if f.error < search.chosen.error and search.sound(f)]
-        best = sorted(others, key=lambda f: f.error)[: self.witnesses.criteria.beam]
+        best = sorted(others, key=lambda f: f.error)[: self.evidence.criteria.beam]
         better = self.of_one_force(found, [one for one in map(self.simulated, best) if one])
         return better[0] if better else found
 
-    def of_one_force(self, found: Fitted, options: Sequence[Fitted]) -> list[Fitted]:
+    def of_one_force(self, found: FittedModel, options: Sequence[FittedModel]) -> list[FittedModel]:
         """Return the options to stand in a model's place where the motion is imposed: they take away a visible part of
         the force in all its band, beyond doubt or half of what is left, and do not leave more in the low-pass.
         """
-        w, c, motion = self.witnesses, self.witnesses.criteria, self.witnesses.motion
+        w, c, motion = self.evidence, self.evidence.criteria, self.evidence.motion
         most = found.errors**2 - c.each * motion.base.errors**2
         visible = [one for one in options if not w.raises(found, one) and np.any(one.errors**2 < most)]
-        gains = [(one, motion.gain(found, one)) for one in visible if not one.vague(c)]
+        gains = [(one, motion.gain(found, one)) for one in visible if not one.insignificant(c)]
         halved = [one for one, g in gains if g.share >= HALF and g.certainty >= c.least]
         return motion.alike(found, visible) or sorted(halved, key=lambda one: one.level)
 
 
-__all__ = ["Choice"]
+__all__ = ["FamilyChoice"]

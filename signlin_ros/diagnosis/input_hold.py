@@ -2,9 +2,9 @@
 
 The base model, refitted, and the laws that take away most of the missing force are fitted with the inputs held, which
 is what is assumed; where the best of these leaves more than noise, with inputs that were sampled from what goes on in
-between; and where that is surely better, with all others. Errors are those over windows of the known data, in blocks;
-the best of one hold is set against the best of another, since a base that lacks something large prefers what imitates
-it. Unseen data may only forbid what was found.
+between; and where that is surely better, with all others. Errors are those over windows of the training data, in
+blocks; the best of one hold is set against the best of another, since a base that lacks something large prefers what
+imitates it. Validation data may only forbid what was found.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.case import Case
 from signlin_ros.diagnosis.criteria import Criteria
-from signlin_ros.diagnosis.force.witness import Testimony
-from signlin_ros.diagnosis.motion import Motion
-from signlin_ros.diagnosis.motion.fitting import LAST
-from signlin_ros.diagnosis.motion.score import gain, level, windowed
+from signlin_ros.diagnosis.dataset import Dataset
+from signlin_ros.diagnosis.equation_error.estimate import EquationErrorResult
+from signlin_ros.diagnosis.output_error import OutputErrorEstimator
+from signlin_ros.diagnosis.output_error.fitting import LAST_STEPS
+from signlin_ros.diagnosis.output_error.score import gain, level, windowed
 from signlin_ros.diagnosis.results import listed
 from signlin_ros.errors import InputError, SimulationError
 from signlin_ros.fitting.fit import fit
@@ -34,14 +34,14 @@ Hold = str | float
 
 FIRST = "centred"
 """What is tried first: it lies between the others, so if one of them is better than held inputs, so is this."""
-OTHERS: tuple[Hold, ...] = (LINEAR, "backward")
+FURTHER_HOLDS: tuple[Hold, ...] = (LINEAR, "backward")
 LEADING = 3
 """Single laws that are fitted beside the base and the set that the force names."""
-NOISE = 1.1
+AT_NOISE_RATIO = 1.1
 """Times the noise of every channel up to which nothing is to be gained."""
 BETTER = 0.9
 """What another hold leaves in some channel, as a part of what held inputs leave (RMS), at most."""
-SAID = {
+HOLD_WORDS = {
     FIRST: "as if sampled from what goes on in between",
     LINEAR: "as if interpolated between its samples",
     "backward": "as if logged beside the state that it led to",
@@ -49,12 +49,12 @@ SAID = {
 
 
 @dataclass(frozen=True, eq=False)
-class Tried:
-    """A hold: mean squared errors (blocks, channels) over windows of the known data by the effects fitted beside the
-    base, what gives those of unseen data, and the coordinates ``at`` which they were found.
+class HoldTrial:
+    """A hold: mean squared errors (blocks, channels) over windows of the training data by the effects fitted beside the
+    base, what gives those of validation data, and the coordinates ``at`` which they were found.
     """
 
-    motion: Motion
+    motion: OutputErrorEstimator
     known: Mapping[Names, Array]
     unseen: Mapping[Names, Callable[[], Array]]
     at: Mapping[Names, Array]
@@ -76,17 +76,19 @@ class Tried:
         return level(self.known[self.best], self.motion.problem.noise)
 
 
-def asks_hold(c: Case) -> bool:
+def asks_hold(c: Dataset) -> bool:
     """Tell whether the records of a case are to show how their inputs act: an imposed motion has a rule of its own."""
     return c.model.asks_hold and not c.model.plant.motion_is_imposed()
 
 
-def at_noise(motion: Motion, squares: Array) -> bool:
-    """Tell whether mean squared errors (blocks, channels) of known data are those of noise: no hold matters then."""
-    return bool(np.all(np.sqrt(np.nanmean(squares, axis=0)) <= NOISE * motion.problem.noise))
+def at_noise(motion: OutputErrorEstimator, squares: Array) -> bool:
+    """Tell whether mean squared errors (blocks, channels) of training data are those of noise: no hold matters then."""
+    return bool(np.all(np.sqrt(np.nanmean(squares, axis=0)) <= AT_NOISE_RATIO * motion.problem.noise))
 
 
-def with_hold(c: Case, motion: Motion, force: Testimony | None, criteria: Criteria) -> tuple[Case, Motion] | None:
+def with_hold(
+    c: Dataset, motion: OutputErrorEstimator, force: EquationErrorResult | None, criteria: Criteria
+) -> tuple[Dataset, OutputErrorEstimator] | None:
     """Return the case and its base with the hold that the records show; None where inputs act as if held, or where
     nothing tells.
     """
@@ -96,7 +98,7 @@ def with_hold(c: Case, motion: Motion, force: Testimony | None, criteria: Criter
     first = _other(motion, force, FIRST)
     if first is None or not _better(held, first, criteria):
         return None
-    named = [first, *(one for hold in OTHERS if (one := _other(motion, force, hold)) is not None)]
+    named = [first, *(one for hold in FURTHER_HOLDS if (one := _other(motion, force, hold)) is not None)]
     best = min(named, key=lambda one: one.level)
     same = 2.0 * criteria.alike * len(c.problem.channels)
     best = first if best.hold == LINEAR and first.level - best.level < same else best
@@ -110,11 +112,11 @@ def with_hold(c: Case, motion: Motion, force: Testimony | None, criteria: Criter
     return replace(c, problem=problem, unseen=best.motion.unseen, told_hold=told), best.motion
 
 
-def _tried(motion: Motion, force: Testimony | None, stop: bool = False) -> Tried:
-    """Fit the base and the leading laws with the hold of a witness; ``stop``: as soon as one leaves but noise."""
+def _tried(motion: OutputErrorEstimator, force: EquationErrorResult | None, stop: bool = False) -> HoldTrial:
+    """Fit the base and the leading laws with the hold of a estimate; ``stop``: as soon as one leaves but noise."""
     gains, problem, base = motion.problem.levels[1], motion.problem, motion.base
-    known: dict[Names, Array] = {(): base.known_squares}
-    rest: dict[Names, Callable[[], Array]] = {(): lambda: base.unseen_squares}
+    known: dict[Names, Array] = {(): base.training_squares}
+    rest: dict[Names, Callable[[], Array]] = {(): lambda: base.validation_squares}
     at: dict[Names, Array] = {}
     for names, start in _leading(force):
         if stop and at_noise(motion, min(known.values(), key=lambda squares: level(squares, problem.noise))):
@@ -124,15 +126,15 @@ def _tried(motion: Motion, force: Testimony | None, stop: bool = False) -> Tried
             c, theta = motion.valued(names, start)
         except InputError:
             continue
-        found = fit(motion.short, c, gains, theta, LAST)
+        found = fit(motion.short, c, gains, theta, LAST_STEPS)
         if found is not None:
             known[names] = windowed(problem, c, found.theta, gains)
             at[names] = found.theta
             rest[names] = functools.partial(windowed, motion.unseen, c, found.theta, gains)
-    return Tried(motion, known, rest, at)
+    return HoldTrial(motion, known, rest, at)
 
 
-def _leading(force: Testimony | None) -> Iterator[tuple[Names, Model]]:
+def _leading(force: EquationErrorResult | None) -> Iterator[tuple[Names, Model]]:
     """Yield the effects that the force names, and the single laws that leave least of it, with their values."""
     if force is None:
         return
@@ -143,7 +145,7 @@ def _leading(force: Testimony | None) -> Iterator[tuple[Names, Model]]:
             yield tuple(n for n, _ in f.members), force.with_laws(f)
 
 
-def _again(held: Tried, force: Testimony | None, other: Tried) -> Tried:
+def _again(held: HoldTrial, force: EquationErrorResult | None, other: HoldTrial) -> HoldTrial:
     """Return held inputs with the laws that are best with another hold fitted from where they arrived there: a minimum
     that a fit did not find is no hold.
     """
@@ -151,14 +153,14 @@ def _again(held: Tried, force: Testimony | None, other: Tried) -> Tried:
     start = next((model for one, model in _leading(force) if one == names), None)
     if start is not None and names in other.at:
         c, _ = motion.valued(names, start)
-        found = fit(motion.short, c, motion.problem.levels[1], other.at[names], LAST)
+        found = fit(motion.short, c, motion.problem.levels[1], other.at[names], LAST_STEPS)
         if found is not None:
             squares = windowed(motion.problem, c, found.theta, motion.problem.levels[1])
             known[names] = min(known.get(names, squares), squares, key=lambda one: level(one, motion.problem.noise))
     return replace(held, known=known)
 
 
-def _other(motion: Motion, force: Testimony | None, hold: Hold) -> Tried | None:
+def _other(motion: OutputErrorEstimator, force: EquationErrorResult | None, hold: Hold) -> HoldTrial | None:
     """Return what another hold leaves; None where the base diverges with it."""
     try:
         return _tried(motion.acting(hold), force)
@@ -166,19 +168,21 @@ def _other(motion: Motion, force: Testimony | None, hold: Hold) -> Tried | None:
         return None
 
 
-def _better(before: Tried, after: Tried, criteria: Criteria) -> bool:
+def _better(before: HoldTrial, after: HoldTrial, criteria: Criteria) -> bool:
     """Tell whether the best of a hold is surely, and visibly, better than the best of another."""
     found = gain(before.known[before.best], after.known[after.best], before.motion.problem.noise)
     sure = found.certainty >= criteria.certainty and not found.worsens(criteria.worse, criteria.alike)
     return sure and bool(np.any(found.ratios <= BETTER))
 
 
-def _errors(one: Tried, names: Names) -> Array:
-    """Return the RMS errors (channels,) over windows of known data of some effects, or of the best where they fail."""
+def _errors(one: HoldTrial, names: Names) -> Array:
+    """Return the RMS errors (channels,) over windows of training data of some effects, or of the best where they
+    fail.
+    """
     return np.asarray(np.sqrt(np.nanmean(one.known.get(names, one.known[one.best]), axis=0)))
 
 
-def _said(c: Case, held: Tried, taken: Tried) -> str:
+def _said(c: Dataset, held: HoldTrial, taken: HoldTrial) -> str:
     """Return what is told of the hold that was taken, and what it is worth: to the base, if that shows it."""
     shows = np.all(_errors(taken, ()) <= _errors(held, ())) and np.any(_errors(taken, ()) <= BETTER * _errors(held, ()))
     names = () if shows else taken.best
@@ -186,7 +190,7 @@ def _said(c: Case, held: Tried, taken: Tried) -> str:
     k = int(np.argmin(b / a))
     channel = c.problem.channels[k]
     unit = c.problem.shown(c.problem.units.get(channel, c.model.units.get(channel, "")))
-    how = SAID[str(taken.hold)]
+    how = HOLD_WORDS[str(taken.hold)]
     what = f"with {listed(names)}" if names else "of the refitted model"
     figures = f"error of {channel} over {c.horizon:.3g} s {a[k]:.3g} -> {b[k]:.3g} {unit}"
     return f"the input acts {how} (input_hold: {taken.hold}): {figures} {what}, on the data fitted to"

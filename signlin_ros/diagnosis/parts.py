@@ -4,31 +4,31 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from signlin_ros.diagnosis.judgement import Judgement, freed
-from signlin_ros.diagnosis.motion import Fitted
-from signlin_ros.diagnosis.witnesses import HALF
+from signlin_ros.diagnosis.evidence import HALF
+from signlin_ros.diagnosis.output_error import FittedModel
+from signlin_ros.diagnosis.verdict import Verdict, freed
 from signlin_ros.errors import joined
 
-REST = ("structure", "elsewhere")
+REMAINDER_REASONS = ("structure", "elsewhere")
 """Why records are not explained, where more is left than the proposal takes away."""
 
 
-def without_idle(j: Judgement) -> Judgement:
+def without_idle(j: Verdict) -> Verdict:
     """Return a judgement of the effects that tell: the weakest of the others is left out, and so on, each with why."""
     dropped = dict[str, str]()
     while not (j.asked or j.conflict or j.reversed) and (found := _weakest(j)):
         name, why = found
         dropped[name] = why
         rest = j.without(name)
-        j.witnesses.keep(*([rest] if rest.effects else []))
+        j.evidence.keep(*([rest] if rest.effects else []))
         j = replace(j, final=rest, dropped=dict(dropped))
     return j
 
 
-def _weakest(j: Judgement) -> tuple[str, str] | None:
+def _weakest(j: Verdict) -> tuple[str, str] | None:
     """Return the effect that tells least, and why it does not tell; None where all do."""
     found = dict[str, tuple[float, str]]()
-    more = j.unexplained in REST or not (j.unexplained or j.final.white)
+    more = j.unexplained in REMAINDER_REASONS or not (j.unexplained or j.final.white)
     least = min(j.names, key=lambda n: j.motion.gain(j.without(n), j.final).share) if len(j.names) > 1 else ""
     for name in j.names:
         size = j.final.certainty(name)
@@ -43,12 +43,12 @@ def _weakest(j: Judgement) -> tuple[str, str] | None:
     return (name, found[name][1]) if name else None
 
 
-def _bent(j: Judgement, name: str) -> str:
+def _bent(j: Verdict, name: str) -> str:
     """Return the base parameters that end far from nominal with an effect, and not without it."""
     return joined(sorted(j.far.keys() - j.without(name).far(j.criteria).keys()) or [""])
 
 
-def _asked(j: Judgement, name: str) -> float:
+def _asked(j: Verdict, name: str) -> float:
     """Return by how many of its own standard errors an effect is to differ from nothing: these hold what is not known
     of the base model's scale too, so that fewer do for one that takes most of what is left without it away.
     """
@@ -56,7 +56,7 @@ def _asked(j: Judgement, name: str) -> float:
     return j.criteria.least if most else j.criteria.coefficient
 
 
-def _takes_nothing(j: Judgement, without: Fitted, left: bool) -> bool:
+def _takes_nothing(j: Verdict, without: FittedModel, left: bool) -> bool:
     """Tell whether an effect takes away no more of what the base model leaves than a table shows, of no channel and of
     no force; ``left``: more than noise is left, so that it must show beside that, and a base parameter that it frees is
     no reason for it.

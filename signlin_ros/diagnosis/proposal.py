@@ -7,14 +7,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from signlin_ros.diagnosis.judgement import Judgement
-from signlin_ros.diagnosis.results import Diagnosis, Estimate
+from signlin_ros.diagnosis.results import Diagnosis, ParameterEstimate
+from signlin_ros.diagnosis.verdict import Verdict
 from signlin_ros.model import Model
 from signlin_ros.model.numbers import numbers
 from signlin_ros.records import ModelData
 
 
-def rounded(model: Model, fitted: Mapping[str, Estimate]) -> Model:
+def rounded(model: Model, fitted: Mapping[str, ParameterEstimate]) -> Model:
     """Return a fitted model with its fitted values to six digits, and with its inputs held where nothing else shows."""
     if model.asks_hold and not model.plant.motion_is_imposed():
         model = model.with_options(input_hold="forward")
@@ -22,7 +22,7 @@ def rounded(model: Model, fitted: Mapping[str, Estimate]) -> Model:
     return model.with_parameters({n: float(f"{own[n]:.6g}") for n in fitted if n in own})
 
 
-def yaml_of(model: Model, judgement: Judgement) -> str:
+def yaml_of(model: Model, judgement: Verdict) -> str:
     """Return the model file, with comments of where the fitted values came from."""
     fitted, problem = judgement.final.parameters, judgement.case.problem
     sources = ", ".join(dict.fromkeys(Path(s.source).name for s in problem.segments))
@@ -47,7 +47,7 @@ def printed(result: Diagnosis, original: Model, output: str | None, records: Seq
     return replace(result, yaml=yaml_of(model, result.findings), notes=(*done, *result.notes))
 
 
-def _origin(name: str, p: Estimate, base: Model) -> str:
+def _origin(name: str, p: ParameterEstimate, base: Model) -> str:
     was = numbers(base).get(name)
     before = [f"was {was:g}"] if was is not None and not p.note.startswith("was ") else []
     return "; ".join([f"{name}: fitted, {p}", *before, *([p.note] if p.note else [])])

@@ -33,7 +33,7 @@ def _json(value: Any) -> Any:
 
 
 @dataclass(frozen=True)
-class Estimate:
+class ParameterEstimate:
     """A parameter: value, standard error (None: not known), unit; ``note`` says what is odd about it, if anything."""
 
     value: float
@@ -68,12 +68,12 @@ class Scores:
 
 
 @dataclass(frozen=True)
-class Entry:
+class RankingEntry:
     """One effect in the ranking: confirmed, ambiguous, not_excited, rejected or not_applicable; ``why``."""
 
     effect: str
     status: str
-    parameters: Mapping[str, Estimate] = field(default_factory=dict)
+    parameters: Mapping[str, ParameterEstimate] = field(default_factory=dict)
     validation: Scores | None = None
     indistinguishable_from: tuple[str, ...] = ()
     why: str = ""
@@ -88,9 +88,9 @@ class Entry:
 
 
 @dataclass(frozen=True)
-class Rung:
-    """One step of the ladder; ``force``: what is left of it on unseen data, ``force_noise``: what the sensors' noise
-    makes of one, both in per cent of the effort (RMS); None where forces do not tell.
+class LadderRow:
+    """One step of the ladder; ``force``: what is left of it on validation data, ``force_noise``: what the sensors'
+    noise makes of one, both in per cent of the effort (RMS); None where forces do not tell.
     """
 
     effects: tuple[str, ...]
@@ -115,8 +115,8 @@ class Rung:
 class FirstRows:
     """Rows of the model as in its file, and with its base refitted; ``horizon``: s over which motion is predicted."""
 
-    given: Rung
-    refitted: Rung
+    given: LadderRow
+    refitted: LadderRow
     horizon: float
 
     def to_json(self) -> dict[str, Any]:
@@ -134,24 +134,24 @@ class Diagnosis:
 
     verdict: str
     sentence: str
-    base: Mapping[str, Estimate]
-    parameters: Mapping[str, Estimate]
-    ranking: tuple[Entry, ...]
-    ladder: tuple[Rung, ...]
+    base: Mapping[str, ParameterEstimate]
+    parameters: Mapping[str, ParameterEstimate]
+    ranking: tuple[RankingEntry, ...]
+    ladder: tuple[LadderRow, ...]
     model: Model
     range: Mapping[str, tuple[float, float]]
     noise: Mapping[str, float]
     experiments: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     yaml: str = ""
-    given: Rung | None = None
+    given: LadderRow | None = None
     horizon: float = 0.0
     findings: Any = field(default=None, repr=False, compare=False)
     rivals: tuple[Any, ...] = field(default=(), repr=False)
     given_model: str = field(default="", repr=False)
 
     @property
-    def missing(self) -> tuple[Entry, ...]:
+    def missing(self) -> tuple[RankingEntry, ...]:
         """The effects that the proposal adds."""
         return tuple(e for e in self.ranking if e.effect in self.ladder[-1].effects)
 
@@ -177,4 +177,4 @@ class Diagnosis:
         return f"<p><b>{html.escape(self.verdict)}</b>: {html.escape(self.sentence)}</p>{errors}{table}"
 
 
-__all__ = ["Diagnosis", "Entry", "Estimate", "FirstRows", "Rung", "Scores", "listed"]
+__all__ = ["Diagnosis", "FirstRows", "LadderRow", "ParameterEstimate", "RankingEntry", "Scores", "listed"]

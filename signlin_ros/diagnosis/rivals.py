@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from signlin_ros.diagnosis.judgement import Judgement
-from signlin_ros.diagnosis.motion import Fitted
+from signlin_ros.diagnosis.output_error import FittedModel
+from signlin_ros.diagnosis.verdict import Verdict
 
-MOST = 8
+MAX_RIVALS = 8
 """Most rivals that are told."""
-HUGE = 1e30
+MAX_VARIANCE = 1e30
 """Largest variance that is told: of what nothing is known."""
 
 
@@ -39,25 +39,25 @@ class Rival:
         }
 
 
-def rivals(j: Judgement) -> tuple[Rival, ...]:
-    """Return the proposal first, then every model that was fitted and that it does not surely beat on unseen data,
+def rivals(j: Verdict) -> tuple[Rival, ...]:
+    """Return the proposal first, then every model that was fitted and that it does not surely beat on validation data,
     least error first: what ties with it, and what was rejected for want of evidence.
     """
-    w, least = j.witnesses, j.criteria.certainty
-    best: dict[tuple[str, ...], Fitted] = {}
+    w, least = j.evidence, j.criteria.certainty
+    best: dict[tuple[str, ...], FittedModel] = {}
     for f in sorted((*w.tried, j.base), key=attrgetter("level"), reverse=True):
         best[f.kind] = f
     best.pop(j.final.kind, None)
-    others = [f for f in best.values() if not f.unreal and w.motion.certainty(f, j.final) < least]
+    others = [f for f in best.values() if not f.implausible and w.motion.certainty(f, j.final) < least]
     others = [f for f in others if len(f.effects) <= max(len(j.final.effects), 1)]
-    chosen = [j.final, *sorted(others, key=attrgetter("level"))[: MOST - 1]]
+    chosen = [j.final, *sorted(others, key=attrgetter("level"))[: MAX_RIVALS - 1]]
     return tuple(rival(f) for f in chosen)
 
 
-def rival(f: Fitted) -> Rival:
+def rival(f: FittedModel) -> Rival:
     """Return a fit as a rival: the covariance has the larger of its standard errors, and the correlations of noise."""
     slopes = np.array([one.k.slope(one.x) for one in f.known])
-    stds = np.minimum(np.array([one.std for one in f.known]) * np.abs(slopes), np.sqrt(HUGE))
+    stds = np.minimum(np.array([one.std for one in f.known]) * np.abs(slopes), np.sqrt(MAX_VARIANCE))
     bread = f.covariances[0]
     size = np.sqrt(np.maximum(np.diag(bread), 1e-300))
     correlation = bread / np.outer(size, size) * np.outer(np.sign(slopes), np.sign(slopes))

@@ -7,20 +7,20 @@ from dataclasses import replace
 from itertools import count
 from typing import Any
 
-from signlin_ros.diagnosis.agreement import agree
-from signlin_ros.diagnosis.case import Records, case
-from signlin_ros.diagnosis.criteria import DEFAULT, Criteria
-from signlin_ros.diagnosis.judgement import Judgement, judge
-from signlin_ros.diagnosis.motion.trials import trials
+from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA, Criteria
+from signlin_ros.diagnosis.dataset import Records, dataset_of
+from signlin_ros.diagnosis.evidence import Seen, Tell, evidence_of
+from signlin_ros.diagnosis.output_error.trials import trials
 from signlin_ros.diagnosis.parts import without_idle
 from signlin_ros.diagnosis.results import Diagnosis, listed
-from signlin_ros.diagnosis.told import told
-from signlin_ros.diagnosis.witnesses import Seen, Tell, both_witnesses
+from signlin_ros.diagnosis.selection import select_model
+from signlin_ros.diagnosis.summary import summary_of
+from signlin_ros.diagnosis.verdict import Verdict, verdict_of
 from signlin_ros.model import Model
 from signlin_ros.threads import one_thread
 
 Progress = Callable[[str, float], None]
-MOST = 6
+MAX_REFINE_EFFECTS = 6
 """Most effects that `refine` adds."""
 
 
@@ -34,7 +34,7 @@ def diagnose(
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
     seen: Seen | None = None,
-    criteria: Criteria = DEFAULT,
+    criteria: Criteria = DEFAULT_CRITERIA,
 ) -> Diagnosis:
     """Name the physical effects that a model lacks, or say that none fits, none is missing, or what cannot be told.
 
@@ -42,21 +42,26 @@ def diagnose(
     ``progress``: told of what is done, and how much of all; ``cancelled``: asked whether to stop, which raises
     `CancelledError`; ``seen``: told, from any thread, of every fit. Raises `RecordError` for unusable records.
     """
-    prepared, tell = case(model, data, validation), _stages(progress)
-    both = both_witnesses(prepared, criteria, tell, jobs, cancelled, seen)
+    prepared, tell = dataset_of(model, data, validation), _stages(progress)
+    both = evidence_of(prepared, criteria, tell, jobs, cancelled, seen)
     tell("motion with what the force shows" if both.force and both.force.effects else "motion")
     both = both.grounded()
-    return told(without_idle(judge(both, *agree(both))))
+    return summary_of(without_idle(verdict_of(both, *select_model(both))))
 
 
 def refine(
-    model: Model, data: Records, validation: Records | None = None, *, criteria: Criteria = DEFAULT, **options: Any
+    model: Model,
+    data: Records,
+    validation: Records | None = None,
+    *,
+    criteria: Criteria = DEFAULT_CRITERIA,
+    **options: Any,
 ) -> Diagnosis:
-    """Name up to `MOST` effects together; the last of the notes says why it stopped. See `diagnose`."""
-    found = diagnose(model, data, validation, criteria=replace(criteria, most=MOST), **options)
+    """Name up to `MAX_REFINE_EFFECTS` effects together; the last of the notes says why it stopped. See `diagnose`."""
+    found = diagnose(model, data, validation, criteria=replace(criteria, most=MAX_REFINE_EFFECTS), **options)
     added = len(found.ladder[-1].effects)
-    end = "nothing else that is listed lowers the error on unseen data beyond doubt"
-    end = f"{MOST} effects are the most" if added >= MOST else end
+    end = "nothing else that is listed lowers the error on validation data beyond doubt"
+    end = f"{MAX_REFINE_EFFECTS} effects are the most" if added >= MAX_REFINE_EFFECTS else end
     end = "the records are not explained, see the verdict" if found.verdict == "unexplained" else end
     note = f"stopped after {added} effect{'' if added == 1 else 's'}: {end}"
     return replace(found, notes=(*found.notes, note))
@@ -73,18 +78,18 @@ def add(
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
     seen: Seen | None = None,
-    criteria: Criteria = DEFAULT,
+    criteria: Criteria = DEFAULT_CRITERIA,
 ) -> Diagnosis:
     """Add an effect and fit it, whatever it is worth; as `diagnose`. Raises `InputError` where it cannot be added."""
-    prepared, tell = case(model, data, validation), _stages(progress)
+    prepared, tell = dataset_of(model, data, validation), _stages(progress)
     trials(prepared.problem, [effect])  # raises what is told above, before anything is fitted
-    both = both_witnesses(prepared, criteria, tell, jobs, cancelled, seen)
+    both = evidence_of(prepared, criteria, tell, jobs, cancelled, seen)
     tell(f"motion with {listed([effect])}")
     both = both.grounded()
     alone, force = both.laws.get(effect), both.force
     final = both.motion.fitted([effect], force.with_laws(alone) if force and alone else None)
     both.keep(final)
-    return told(Judgement(both, both.valued(final), asked=effect))
+    return summary_of(Verdict(both, both.valued(final), asked=effect))
 
 
 def _stages(progress: Progress | None) -> Tell:

@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from signlin_ros.effects.compliant_load import FASTEST, SLOWEST, UNDAMPED, CompliantLoad
+from signlin_ros.effects.compliant_load import MAX_RESONANCE, MIN_DAMPING_RATIO, MIN_RESONANCE, CompliantLoad
 from signlin_ros.par import Par
 from signlin_ros.scale import Scale
 
-STARTS = 216
+BRED_STARTS = 216
 LIGHTEST, HEAVIEST = 0.08, 0.7
 """Inertias that a fit starts from, as parts of force over acceleration,"""
 LEAST_DAMPING, MOST_DAMPING = 0.02, 0.3
 """relative damping in contact,"""
-SMALLEST, LARGEST = 0.003, 0.8
+MIN_GAP_START, MAX_GAP_START = 0.003, 0.8
 """and half widths of the play, in multiples of velocity² over acceleration (RMS)."""
 
 
@@ -44,10 +44,10 @@ class Backlash(CompliantLoad):
         import numpy as np
         from scipy.stats.qmc import Halton
 
-        highest = FASTEST / scale.step
-        low = np.log([LIGHTEST, min(4 * SLOWEST / scale.duration, highest / 4), LEAST_DAMPING, SMALLEST])
-        high = np.log([HEAVIEST, highest, MOST_DAMPING, LARGEST])
-        points = np.exp(low + (high - low) * Halton(4, scramble=False).random(STARTS + 1)[1:])
+        highest = MAX_RESONANCE / scale.step
+        low = np.log([LIGHTEST, min(4 * MIN_RESONANCE / scale.duration, highest / 4), LEAST_DAMPING, MIN_GAP_START])
+        high = np.log([HEAVIEST, highest, MOST_DAMPING, MAX_GAP_START])
+        points = np.exp(low + (high - low) * Halton(4, scramble=False).random(BRED_STARTS + 1)[1:])
         found = []
         for J, w, d, gap in points * [scale.of("F·s²/Q"), 1.0, 1.0, scale.excursion]:
             found.append({"k": J * w * w, "c": d * J * w, "J": J, "gap": gap})
@@ -60,7 +60,7 @@ class Backlash(CompliantLoad):
     @classmethod
     def plausible(cls, p: Mapping[str, float]) -> bool:
         """Refuse a play of nothing: an elastic coupling is another effect; and contact that loses nothing."""
-        damped = p["c"] > 2.0 * UNDAMPED * (p["k"] * p["J"]) ** 0.5
+        damped = p["c"] > 2.0 * MIN_DAMPING_RATIO * (p["k"] * p["J"]) ** 0.5
         return bool(p["gap"] > 0.0 and p["k"] > 0.0 and damped)
 
     def coupling(self, m: Any, x: Any, p: Any) -> Any:

@@ -9,15 +9,15 @@ from typing import Any
 from signlin_ros.effects.base import Effect
 from signlin_ros.par import Par
 
-SLIGHT = 0.02
+MIN_ELASTIC_SHARE = 0.02
 """Share of the stiffness that may stay elastic where a loop is all but Dahl's."""
-STIFF = 10.0
+MAX_GAMMA_RATIO = 10.0
 """Ratio of gamma to beta, either way, beyond which a loop has no width to speak of."""
 
 
-POWERS = (1.0, 2.0, 3.0)
+LOOP_POWERS = (1.0, 2.0, 3.0)
 """Powers that are tried."""
-SHARES = (0.6, -0.6)
+LOOP_SHAPES = (0.6, -0.6)
 """Shapes of the loop that are tried, gamma as a share of beta: a branch that softens, and one that hardens."""
 
 
@@ -48,8 +48,8 @@ class BoucWenHysteresis(Effect):
     within = {"beta": (0.0, 1e6)}  # a loop takes energy, and does not give any
     start = tuple(
         {"alpha": 0.5, "D": 0.3, "beta": beta, "gamma": share * beta, "n": n, "k": 1.0}
-        for n in POWERS
-        for share in SHARES
+        for n in LOOP_POWERS
+        for share in LOOP_SHAPES
         for beta in (0.1, 0.5)
     )
 
@@ -76,7 +76,7 @@ class BoucWenHysteresis(Effect):
         if size <= 0:
             return []
         return [{**p, "n": n, **{k: p[k] * size ** (n / p["n"] - 1) for k in ("beta", "gamma")}}
-                for n in POWERS if n != p["n"]]  # fmt: skip
+                for n in LOOP_POWERS if n != p["n"]]  # fmt: skip
 
     @classmethod
     def instead(cls, others: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
@@ -93,9 +93,14 @@ class BoucWenHysteresis(Effect):
 
     @classmethod
     def simpler(cls, p: Mapping[str, float]) -> dict[str, dict[str, float]]:
-        if "k" in p and p["alpha"] > 1 - SLIGHT:
+        if "k" in p and p["alpha"] > 1 - MIN_ELASTIC_SHARE:
             return {"linear_stiffness": {"k": p["alpha"] * p["k"]}}
-        if "k" not in p or p["n"] != 1.0 or p["alpha"] > SLIGHT or not abs(p["gamma"]) < 5 * SLIGHT * p["beta"]:
+        if (
+            "k" not in p
+            or p["n"] != 1.0
+            or p["alpha"] > MIN_ELASTIC_SHARE
+            or not abs(p["gamma"]) < 5 * MIN_ELASTIC_SHARE * p["beta"]
+        ):
             return {}
         k = (1 - p["alpha"]) * p["k"] * p["lambda"]
         return {"dahl_presliding": {"F_c": p["D"] * k / p["beta"], "sigma": k}}
@@ -103,12 +108,12 @@ class BoucWenHysteresis(Effect):
     @classmethod
     def plausible(cls, p: Mapping[str, float]) -> bool:
         """Refuse a loop without width: it takes no energy, and is an elastic spring that hardens or softens."""
-        return abs(p["gamma"]) <= STIFF * p["beta"]
+        return abs(p["gamma"]) <= MAX_GAMMA_RATIO * p["beta"]
 
     @classmethod
     def parts(cls, p: Mapping[str, float]) -> list[dict[str, dict[str, float]]]:
         """Return the springs that a loop without width is: they harden where h would run off to infinity."""
-        if p["gamma"] >= -STIFF * p["beta"] or "k" not in p:
+        if p["gamma"] >= -MAX_GAMMA_RATIO * p["beta"] or "k" not in p:
             return []
         run_off = p["D"] * math.pi / 2 * (abs(p["gamma"]) + p["beta"]) ** (-1.0 / p["n"])
         spring = {"linear_stiffness": {"k": p["k"]}}

@@ -9,9 +9,9 @@ from signlin_ros.effects.base import Effect
 from signlin_ros.par import Par
 from signlin_ros.scale import Scale
 
-SLOWEST, FASTEST, RESONANCES = 25.0, 0.6, 5
+MIN_RESONANCE, MAX_RESONANCE, RESONANCES = 25.0, 0.6, 5
 """Angular frequencies that a fit starts from: four periods in a record, a tenth of the sampling rate; how many."""
-UNDAMPED, OVERDAMPED = 0.002, 1.0
+MIN_DAMPING_RATIO, OVERDAMPED = 0.002, 1.0
 """Damping ratios of the load on its coupling: least of one that is real, largest of one that is called elastic."""
 
 
@@ -39,7 +39,7 @@ class CompliantLoad(Effect):
         import numpy as np
 
         inertia = 0.3 * scale.of("F·s²/Q")
-        resonances = np.geomspace(SLOWEST / scale.duration, FASTEST / scale.step, RESONANCES).tolist()
+        resonances = np.geomspace(MIN_RESONANCE / scale.duration, MAX_RESONANCE / scale.step, RESONANCES).tolist()
         return [{"k": inertia * w * w, "c": 0.1 * inertia * w, "J": inertia} for w in resonances]
 
     @classmethod
@@ -49,7 +49,7 @@ class CompliantLoad(Effect):
         anything swing on and on, as a force that vibrates by itself does.
         """
         critical = float(2.0 * (p["k"] * p["J"]) ** 0.5)
-        return bool(p["k"] > 0.0 and UNDAMPED * critical < p["c"] < OVERDAMPED * critical)
+        return bool(p["k"] > 0.0 and MIN_DAMPING_RATIO * critical < p["c"] < OVERDAMPED * critical)
 
     def coupling(self, m: Any, x: Any, p: Any) -> Any:
         """Return the torque through the coupling."""

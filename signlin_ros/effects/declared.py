@@ -12,10 +12,10 @@ from typing import Any
 from signlin_ros import units
 from signlin_ros.effects.base import CHANNEL_UNIT, COORDINATE_UNIT, Effect, SensorEffect, Shown
 from signlin_ros.errors import ModelError, choices, joined, nearest, suggest
-from signlin_ros.par import POWERS, declared_name, gathered, nominal_values
+from signlin_ros.par import POWER_DIGITS, declared_name, gathered, nominal_values
 from signlin_ros.scale import Scale
 
-LAWS = ("force", "input", "delay", "spring", "torque_constant", "resistance")
+LAW_METHODS = ("force", "input", "delay", "spring", "torque_constant", "resistance")
 """Methods of which an effect that does anything defines one."""
 LISTS, MAPPINGS = ("essential", "turning", "periodic", "whole_orders"), ("held", "within")
 """Attributes that name parameters."""
@@ -38,7 +38,7 @@ def check_declared(effect: type[Effect], where: str) -> None:
 
 
 def _check_law(effect: type[Effect], where: str) -> None:
-    base, laws = (SensorEffect, ("sensor",)) if issubclass(effect, SensorEffect) else (Effect, LAWS)
+    base, laws = (SensorEffect, ("sensor",)) if issubclass(effect, SensorEffect) else (Effect, LAW_METHODS)
     if any(getattr(effect, law) is not getattr(base, law) for law in laws):
         return
     own = (name for name, value in inspect.getmembers(effect, callable) if not hasattr(base, name))
@@ -50,7 +50,7 @@ def _check_law(effect: type[Effect], where: str) -> None:
 def _check_unit(where: str, unit: Any) -> None:
     """Refuse a unit that is not made of F, Q, U and units of records."""
     parts = re.split("[·/]", unit) if isinstance(unit, str) else [""]
-    bare = [part.rstrip(POWERS) for part in parts]
+    bare = [part.rstrip(POWER_DIGITS) for part in parts]
     if unit not in ("", CHANNEL_UNIT, COORDINATE_UNIT) and not all(
         part in ("F", "Q", "U") or units.parse(part) for part in bare
     ):

@@ -8,7 +8,7 @@ from signlin_ros.effects.base import Effect
 from signlin_ros.par import Par
 from signlin_ros.scale import Scale
 
-SAMPLES = 12
+MAX_DELAY_SAMPLES = 12
 """Delays that are tried one by one where none leads to another."""
 
 
@@ -30,7 +30,7 @@ class InputDelay(Effect):
         """Return a short and a longer delay; where motion is imposed, a delay acts in whole
         samples and none leads to the next: then one for each of the first samples.
         """
-        late = (k + 0.75 for k in range(SAMPLES)) if scale.imposed else (1.5, 4.5)
+        late = (k + 0.75 for k in range(MAX_DELAY_SAMPLES)) if scale.imposed else (1.5, 4.5)
         return [{"T": samples * scale.step} for samples in late]
 
     def delay(self, p: Any) -> Any:

@@ -9,7 +9,7 @@ from typing import Any
 from signlin_ros.effects.base import COORDINATE_UNIT, Effect
 from signlin_ros.par import Par
 
-OVER = ("speed", "position", "load", "speed, position", "speed, load", "position, load")
+LEARNED_OVER = ("speed", "position", "load", "speed, position", "speed, load", "position, load")
 """What a force may be learned over; the load is the driving force."""
 
 
@@ -40,7 +40,7 @@ class LearnedForce(Effect):
     experiment = "visit all of the coordinate, in both directions"
     proposed = False  # a curve fits nearly anything: who wants one asks for it
 
-    over = Par("-", nominal=0.0, words=OVER, structural=True, doc="coordinate, or two of them")
+    over = Par("-", nominal=0.0, words=LEARNED_OVER, structural=True, doc="coordinate, or two of them")
     knots = Par(
         *(COORDINATE_UNIT, 0.0, -1e9, 1e9), elements=(-1.0, 0.0, 1.0), structural=True, doc="where f is given, rising"
     )

@@ -9,7 +9,7 @@ from typing import Any
 from signlin_ros.effects.base import Effect
 from signlin_ros.par import Par
 
-SLIGHT = 0.02
+MIN_EXCESS = 0.02
 """Excess beneath which there is none to speak of."""
 
 
@@ -44,7 +44,7 @@ class LoadDependentStribeck(Effect):
     @classmethod
     def simpler(cls, p: Mapping[str, float]) -> dict[str, dict[str, float]]:
         plain = {"kappa_d": p["kappa_d"], "kappa_e": p["kappa_e"]}
-        return {"load_dependent_friction": plain} if p["excess"] < SLIGHT else {}
+        return {"load_dependent_friction": plain} if p["excess"] < MIN_EXCESS else {}
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         load = p.kappa_d * m.abs(x.drive_force) + p.kappa_e * m.abs(x.external_force)

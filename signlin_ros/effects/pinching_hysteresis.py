@@ -9,9 +9,9 @@ from typing import Any
 from signlin_ros.effects.base import Effect
 from signlin_ros.par import Par
 
-SLIGHT = 0.02
+MIN_PINCHING = 0.02
 """Share of the stiffness that must be gone for loops to be pinched."""
-SMALL = 0.8
+MAX_SLIP_FORCE = 0.8
 """Part of the settled force up to which it slips at most: what slips all the way is softer, and not pinched."""
 
 
@@ -45,12 +45,12 @@ class PinchingHysteresis(Effect):
 
     @classmethod
     def simpler(cls, p: Mapping[str, float]) -> dict[str, dict[str, float]]:
-        return {"dahl_presliding": {"F_c": p["F_c"], "sigma": p["sigma"]}} if p["zeta"] < SLIGHT else {}
+        return {"dahl_presliding": {"F_c": p["F_c"], "sigma": p["sigma"]}} if p["zeta"] < MIN_PINCHING else {}
 
     @classmethod
     def plausible(cls, p: Mapping[str, float]) -> bool:
         """Refuse what slips up to where it settles: that is Dahl's friction of less stiffness."""
-        return p["sigma"] * p["z_p"] < SMALL * p["F_c"]
+        return p["sigma"] * p["z_p"] < MAX_SLIP_FORCE * p["F_c"]
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         return -p.sigma * x.own.z

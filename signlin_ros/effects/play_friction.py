@@ -9,7 +9,7 @@ from typing import Any
 from signlin_ros.effects.base import Effect
 from signlin_ros.par import Par
 
-SLIGHT = 0.02
+MIN_GAP_SHARE = 0.02
 """Share of the elastic way beneath which a gap is not worth its name."""
 
 
@@ -51,7 +51,7 @@ class PlayFriction(Effect):
     @classmethod
     def simpler(cls, p: Mapping[str, float]) -> dict[str, dict[str, float]]:
         dahl = {"F_c": p["F_c"], "sigma": p["sigma"]}
-        return {"dahl_presliding": dahl} if p["gap"] < SLIGHT * p["F_c"] / p["sigma"] else {}
+        return {"dahl_presliding": dahl} if p["gap"] < MIN_GAP_SHARE * p["F_c"] / p["sigma"] else {}
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         return -p.sigma * m.dead_zone(x.own.z, p.gap)

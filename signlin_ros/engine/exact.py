@@ -27,10 +27,19 @@ from signlin_ros.engine.parts import (
     put,
     show,
 )
-from signlin_ros.engine.surfaces import COORDINATE, OPEN, SIGNED, STUCK, SWITCH, resolve, state_of, violated
+from signlin_ros.engine.surfaces import (
+    COORDINATE,
+    FREE_SURFACE,
+    SIGNED_SURFACE,
+    STUCK_SURFACE,
+    SWITCH,
+    resolve,
+    state_of,
+    violated,
+)
+from signlin_ros.engine.tableau import DENSE_WEIGHTS as _P
 from signlin_ros.engine.tableau import A as _A
 from signlin_ros.engine.tableau import E as _E
-from signlin_ros.engine.tableau import P as _P
 
 
 def exact_plan(code: tuple[int, int], n: int, m: int, n_p: int, q: int, k: int, n_y: int) -> np.void:
@@ -85,10 +94,10 @@ def _may_dip(at, w):
     """Tell whether a surface may be passed and passed back inside the step, judged from both ends."""
     for j in range(at.q):
         s = w[at.s + j]
-        if w[at.mode + j] == STUCK:
+        if w[at.mode + j] == STUCK_SURFACE:
             if max(abs(s), abs(w[at.s_before + j])) > 0.9:
                 return True
-        elif w[at.mode + j] == OPEN or (w[at.rate_before + j] * s < 0.0 and w[at.rate + j] * s > 0.0):
+        elif w[at.mode + j] == FREE_SURFACE or (w[at.rate_before + j] * s < 0.0 and w[at.rate + j] * s > 0.0):
             return True
     return False
 
@@ -123,9 +132,9 @@ def _first_violation(at, links, w, h):
 def _reached(at, w, j):
     """Tell whether the surface j is what ends the step: it breaks away, is pushed for the first time, or is met."""
     s, mode = w[at.s + j], w[at.mode + j]
-    if mode == STUCK:
+    if mode == STUCK_SURFACE:
         return abs(s) >= 1.0
-    if mode == OPEN:
+    if mode == FREE_SURFACE:
         return w[at.rate + j] != 0.0
     return w[at.g + j] * s < w[at.g_tol + j] and w[at.rate + j] * s < 0.0
 
@@ -140,14 +149,14 @@ def _land(at, links, w, h):
     for j in range(at.q):
         w[at.reached + j] = _reached(at, w, j)
     for j in range(at.q):
-        if w[at.reached + j] != 0.0 and w[at.mode + j] == SIGNED:
+        if w[at.reached + j] != 0.0 and w[at.mode + j] == SIGNED_SURFACE:
             correction = -w[at.g + j] / w[at.rate + j]
             if abs(correction) < 0.5 * h:
                 h += correction
                 _stages(at, links, w, h)
             break
     for j in range(at.q):
-        if w[at.reached + j] != 0.0 and w[at.mode + j] != STUCK and links[COORDINATE, j] >= 0:
+        if w[at.reached + j] != 0.0 and w[at.mode + j] != STUCK_SURFACE and links[COORDINATE, j] >= 0:
             w[at.z + links[COORDINATE, j]] = 0.0
     return h
 
@@ -157,7 +166,7 @@ def begin(at, links, w, anew):
     """Set signs, branches and the slope for a new input; choose them afresh if something may have changed."""
     copy(w, at.x, at.z, at.n)
     for j in range(at.q):
-        anew = anew or w[at.mode + j] != SIGNED
+        anew = anew or w[at.mode + j] != SIGNED_SURFACE
     if not anew:
         state_of(at, links, w)
         anew = violated(at, w)
@@ -206,7 +215,7 @@ def _note(at, links, w, t, events, count):
     for j in range(at.q):
         if w[at.reached + j] != 0.0 and count < events.shape[0]:
             events[count, 0], events[count, 1] = t, j
-            events[count, 2] = 0 if links[SWITCH, j] < 0 else (1 if w[at.mode + j] == STUCK else 2)
+            events[count, 2] = 0 if links[SWITCH, j] < 0 else (1 if w[at.mode + j] == STUCK_SURFACE else 2)
             count += 1
     return count
 
@@ -251,7 +260,7 @@ def run_exact(at, links, times, breaks, inputs, x0, p, rtol, X, Y, events):
     w = prepared(at, p)
     put(at, w, x0)
     for j in range(at.q):
-        w[at.s + j], w[at.mode + j] = 1.0, SIGNED
+        w[at.s + j], w[at.mode + j] = 1.0, SIGNED_SURFACE
     t, h, count, next_break, status = times[0], np.inf, 0, 0, OK
     for sample in range(times.size):
         while True:

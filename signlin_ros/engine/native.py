@@ -29,7 +29,7 @@ import numba
 
 from signlin_ros.engine.tape import Tape
 
-_PLAIN = {ca.OP_ADD: "fadd", ca.OP_SUB: "fsub", ca.OP_MUL: "fmul", ca.OP_DIV: "fdiv"}
+_LLVM_OPERATIONS = {ca.OP_ADD: "fadd", ca.OP_SUB: "fsub", ca.OP_MUL: "fmul", ca.OP_DIV: "fdiv"}
 _COMPARE = {ca.OP_LT: "olt", ca.OP_LE: "ole", ca.OP_EQ: "oeq", ca.OP_NE: "une"}
 _INTRINSIC = {
     ca.OP_EXP: "exp",
@@ -125,8 +125,8 @@ class Writer(Lines):
 
     def value(self, op: int, a: str, b: str) -> str:
         """Write one operation; returns the name of its result."""
-        if op in _PLAIN:
-            return self.new(f"{_PLAIN[op]} double {a}, {b}")
+        if op in _LLVM_OPERATIONS:
+            return self.new(f"{_LLVM_OPERATIONS[op]} double {a}, {b}")
         if op in _COMPARE:
             return self._number(self._flag(_COMPARE[op], a, b))
         if op in _INTRINSIC:
@@ -240,11 +240,11 @@ class _Cache:
             content = self._path(module).read_bytes()
         except OSError:
             return None
-        digest, code = content[:_DIGEST], content[_DIGEST:]
+        digest, code = content[:_DIGEST_SIZE], content[_DIGEST_SIZE:]
         return code if hashlib.sha256(code).digest() == digest else None
 
 
-_DIGEST = hashlib.sha256().digest_size
+_DIGEST_SIZE = hashlib.sha256().digest_size
 
 
 def _cache_folder() -> Path | None:

@@ -20,7 +20,7 @@ from signlin_ros.engine.compiling import call_within, compiled, inner
 OK, DIVERGED, TOO_STIFF, CHATTER = 0, 1, 2, 3
 """How a run ended."""
 MAX_STEPS = 20_000_000
-SMALLEST = 1e-5
+MIN_RESOLVED_STATE = 1e-5
 """States smaller than this are resolved absolutely, to rtol times this."""
 _PLAN = np.dtype(
     [
@@ -111,11 +111,11 @@ def copy(w, source, target, count):
 def error_norm(w, error, x, x_new, peak, n, rtol):
     """Largest component of an error relative to rtol times the largest |x| seen so far; inf if not finite.
 
-    States count as at least `SMALLEST` in SI units, so that a start from rest is not resolved below rounding.
+    States count as at least `MIN_RESOLVED_STATE` in SI units, so that a start from rest is not resolved below rounding.
     """
     worst = 0.0
     for i in range(n):
-        size = max(abs(w[x + i]), abs(w[x_new + i]), w[peak + i], SMALLEST)
+        size = max(abs(w[x + i]), abs(w[x_new + i]), w[peak + i], MIN_RESOLVED_STATE)
         ratio = abs(w[error + i]) / (rtol * size)
         if not ratio <= 1e300:
             return np.inf
@@ -182,8 +182,8 @@ __all__ = [
     "CHATTER",
     "DIVERGED",
     "MAX_STEPS",
+    "MIN_RESOLVED_STATE",
     "OK",
-    "SMALLEST",
     "TOO_STIFF",
     "accept",
     "copy",

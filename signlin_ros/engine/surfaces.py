@@ -16,7 +16,7 @@ from signlin_ros.engine.parts import (
     substitute,
 )
 
-STUCK, SIGNED, OPEN = 0.0, 1.0, 2.0
+STUCK_SURFACE, SIGNED_SURFACE, FREE_SURFACE = 0.0, 1.0, 2.0
 """Modes of a surface: its sign is what keeps it there, is 1 or -1, or is 0 as long as nothing pushes."""
 COORDINATE, SWITCH = 0, 1
 """Rows of ``links`` (2, q): which state a surface is, and which switch; -1 for none."""
@@ -33,18 +33,18 @@ def _stuck_state(at, links, w):
         row = links[SWITCH, j]
         if row < 0:
             continue
-        held = w[at.mode + j] == STUCK
+        held = w[at.mode + j] == STUCK_SURFACE
         w[at.right + row] = -w[at.rate + j] if held else 0.0
         for i in range(q):
             column = links[SWITCH, i]
             if column >= 0:
-                both = held and w[at.mode + i] == STUCK
+                both = held and w[at.mode + i] == STUCK_SURFACE
                 alone = 1.0 if i == j else 0.0
                 w[at.matrix + row * k + column] = w[at.coupling + row * k + column] if both else alone
     factor(w, at.matrix, at.pivots, k)
     substitute(w, at.matrix, at.pivots, at.right, k)
     for j in range(q):
-        if w[at.mode + j] == STUCK:
+        if w[at.mode + j] == STUCK_SURFACE:
             s = w[at.s + j] = w[at.right + links[SWITCH, j]]
             for i in range(n):
                 w[at.f + i] += w[at.slope + i * k + links[SWITCH, j]] * s
@@ -64,7 +64,7 @@ def state_of(at, links, w):
     stuck = False
     for j in range(at.q):
         w[at.signs + j] = w[at.s + j]
-        if w[at.mode + j] == STUCK:
+        if w[at.mode + j] == STUCK_SURFACE:
             w[at.signs + j] = 0.0
             stuck = True
     if stuck:
@@ -72,7 +72,7 @@ def state_of(at, links, w):
     else:
         call_within(at.head, w, at.z, at.f)
     for j in range(at.q):
-        if w[at.mode + j] != SIGNED and links[COORDINATE, j] >= 0:
+        if w[at.mode + j] != SIGNED_SURFACE and links[COORDINATE, j] >= 0:
             w[at.f + links[COORDINATE, j]] = 0.0
 
 
@@ -84,7 +84,7 @@ def _sides(at, links, w):
         call_within(at.whole, w, at.z, at.f)
         for j in range(at.q):
             g, rate = w[at.g + j], w[at.rate + j]
-            on = w[at.reached + j] != 0.0 or w[at.mode + j] == STUCK or g == 0.0
+            on = w[at.reached + j] != 0.0 or w[at.mode + j] == STUCK_SURFACE or g == 0.0
             w[at.on + j] = 1.0 if on else 0.0
             if not on:
                 w[at.s + j] = 1.0 if g > 0.0 else -1.0
@@ -127,20 +127,20 @@ def resolve(at, links, w):
     for j in range(at.q):
         row, s = links[SWITCH, j], w[at.s + j]
         if w[at.on + j] == 0.0:
-            w[at.mode + j] = SIGNED
+            w[at.mode + j] = SIGNED_SURFACE
         elif row >= 0:
             holds = w[at.coupling + row * at.k + row] < 0.0 and abs(s) < 1.0
-            w[at.mode + j] = STUCK if holds else (SIGNED if s != 0.0 else OPEN)
+            w[at.mode + j] = STUCK_SURFACE if holds else (SIGNED_SURFACE if s != 0.0 else FREE_SURFACE)
 
 
 @inner
 def violated(at, w):
     """Tell whether the present point lies beyond what the signs and branches assume."""
     for j in range(at.q):
-        if w[at.mode + j] == STUCK:
+        if w[at.mode + j] == STUCK_SURFACE:
             if abs(w[at.s + j]) > 1.0 + BREAKAWAY:
                 return True
-        elif w[at.mode + j] == OPEN:
+        elif w[at.mode + j] == FREE_SURFACE:
             if w[at.rate + j] != 0.0:
                 return True
         elif w[at.g + j] * w[at.s + j] < -w[at.g_tol + j]:
@@ -148,4 +148,14 @@ def violated(at, w):
     return False
 
 
-__all__ = ["BREAKAWAY", "COORDINATE", "OPEN", "SIGNED", "STUCK", "SWITCH", "resolve", "state_of", "violated"]
+__all__ = [
+    "BREAKAWAY",
+    "COORDINATE",
+    "FREE_SURFACE",
+    "SIGNED_SURFACE",
+    "STUCK_SURFACE",
+    "SWITCH",
+    "resolve",
+    "state_of",
+    "violated",
+]

@@ -25,7 +25,7 @@ A = np.array(
 """Weights (7, 6) of the slopes before each stage; the last row leads to the end of the step."""
 E = np.array([-71 / 57600, 0, 71 / 16695, -71 / 1920, 17253 / 339200, -22 / 525, 1 / 40])
 """Weights (7,) of the slopes in the error of the step."""
-P = np.array(
+DENSE_WEIGHTS = np.array(
     [
         [1, -8048581381 / 2820520608, 8663915743 / 2820520608, -12715105075 / 11282082432],
         [0, 0, 0, 0],
@@ -38,4 +38,4 @@ P = np.array(
 )
 """Weights (7, 4) of the slopes in the powers 1 to 4 of the share of the step, inside the step."""
 
-__all__ = ["A", "E", "P"]
+__all__ = ["DENSE_WEIGHTS", "A", "E"]

@@ -67,7 +67,7 @@ OPERATIONS: dict[int, str] = {
 }
 """Every operation as a NumPy expression of its arguments a and b: what it means."""
 
-BLOCK = 1024
+POINTS_PER_BLOCK = 1024
 """Points evaluated at a time: the work of a block stays in the processor's cache."""
 
 
@@ -108,9 +108,11 @@ class Tape:
         total = max(sizes, default=1)
         result = np.empty((self.n_out, total))
         with np.errstate(all="ignore"):
-            for start in range(0, total, BLOCK):
-                part = [c if n == 1 else c[start : start + BLOCK] for c, n in zip(columns, sizes, strict=True)]
-                self._run(part, result[:, start : start + BLOCK])
+            for start in range(0, total, POINTS_PER_BLOCK):
+                part = [
+                    c if n == 1 else c[start : start + POINTS_PER_BLOCK] for c, n in zip(columns, sizes, strict=True)
+                ]
+                self._run(part, result[:, start : start + POINTS_PER_BLOCK])
         return result
 
     def _run(self, inputs: list[Any], result: NDArray[np.float64]) -> None:

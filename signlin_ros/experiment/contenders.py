@@ -20,11 +20,11 @@ from signlin_ros.simulation import Trajectory, simulate
 
 Array = NDArray[np.float64]
 
-RTOL = 1e-5
+SIMULATION_RTOL = 1e-5
 """Relative tolerance of simulations."""
-FARTHEST = 0.7
+MAX_LOG_SIGMA = 0.7
 """Largest change of a logarithm from an estimate to a sigma point: about twice or half."""
-AXES = 2
+SIGMA_DIRECTIONS = 2
 """Directions of the largest uncertainty that sigma points are taken in, both ways."""
 
 
@@ -81,9 +81,9 @@ class Contender:
         values, axes = np.linalg.eigh(self.information)
         low, high = self.bounds
         found = []
-        for i in range(min(AXES, values.size)):
+        for i in range(min(SIGMA_DIRECTIONS, values.size)):
             step = axes[:, i] / np.sqrt(max(float(values[i]), 1e-12))
-            step *= min(1.0, FARTHEST / max(float(np.abs(step).max()), 1e-12))
+            step *= min(1.0, MAX_LOG_SIGMA / max(float(np.abs(step).max()), 1e-12))
             found += [np.clip(self.theta + s * step, low, high) for s in (1.0, -1.0)]
         return found
 
@@ -99,7 +99,7 @@ class Contender:
         model = self.model_at(theta)
         start = np.array([_start(name, x0) for name in model.states])
         try:
-            return simulate(model, t, u, start, rtol=RTOL)
+            return simulate(model, t, u, start, rtol=SIMULATION_RTOL)
         except SimulationError:
             return None
 

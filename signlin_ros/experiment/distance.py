@@ -14,32 +14,32 @@ from numpy.typing import NDArray
 from signlin_ros.experiment.contenders import Contender
 from signlin_ros.experiment.limits import Limits
 from signlin_ros.fitting.following import follow_records
-from signlin_ros.fitting.gains import Gains
+from signlin_ros.fitting.gains import ObserverGains
 from signlin_ros.fitting.problem import Problem
-from signlin_ros.follow.segments import Segment
+from signlin_ros.follow.segments import PreparedSegment
 from signlin_ros.simulation import Trajectory
 
 Array = NDArray[np.float64]
 Pair = tuple[int, int]
 """The rival that is true, and the one that is refitted to what it would show."""
 
-FLOOR = 0.01
+MODEL_ERROR_FLOOR = 0.01
 """Part of a channel's spread that a model is never believed to: a floor for its error."""
-STEPS, ENDS = 8, 0.01
+MAX_REFIT_STEPS, ENDS = 8, 0.01
 """Most steps of a refit, and the part of its cost by which the last one must still lower it."""
 LOST = 1e12
 """Cost of a model that diverges."""
 
 
 @dataclass(frozen=True, eq=False)
-class Bench:
+class RivalBench:
     """Rivals, and the observer (``gains``) through which a record is seen; ``spread`` (ny,): what a model leaves of the
     first records; ``x0``: where the machine starts, by state; ``bias``: the input that holds it there.
     """
 
     problem: Problem
     contenders: tuple[Contender, ...]
-    gains: Gains
+    gains: ObserverGains
     spread: Array
     x0: Mapping[str, float]
     bias: float = 0.0
@@ -62,28 +62,28 @@ class Bench:
         c = self.contenders[i]
         return c.run(c.theta if theta is None else theta, t, self.inputs(u), self.x0)
 
-    def segment(self, i: int, run: Trajectory, theta: Array | None = None) -> Segment:
+    def segment(self, i: int, run: Trajectory, theta: Array | None = None) -> PreparedSegment:
         """Return what the sensors show of a motion, without noise, as a record."""
         c = self.contenders[i]
         y = np.ascontiguousarray(c.shown(c.theta if theta is None else theta, run, self.problem.channels))
         early = self.problem.base.early * self.problem.scale.step
         start = {n: self.x0.get(n, 0.0) for n in self.problem.base.states}
-        return Segment(run.t, np.ascontiguousarray(run.u), y, start, "command", True, early)
+        return PreparedSegment(run.t, np.ascontiguousarray(run.u), y, start, "command", True, early)
 
-    def _followed(self, c: Contender, theta: Array, s: Segment) -> tuple[Array, Array] | None:
+    def _followed(self, c: Contender, theta: Array, s: PreparedSegment) -> tuple[Array, Array] | None:
         """Return errors (N,) and their slopes (N, n) in units of what a model leaves; None where it diverges."""
         self.used["fits"] += 1
         found = follow_records(self.problem, replace(c.candidate, starts={}), theta, self.gains, True, (s,))
         if found is None:
             return None
-        spread = np.hypot(self.spread, FLOOR * s.y.std(axis=0))
+        spread = np.hypot(self.spread, MODEL_ERROR_FLOOR * s.y.std(axis=0))
         e = found[0][0] / spread
         slopes = found[1][0][:, :, : theta.size] / spread[:, None] * c.candidate.slopes(theta)
         if not (np.isfinite(e).all() and np.isfinite(slopes).all()):
             return None
         return e.ravel(), slopes.reshape(-1, theta.size)
 
-    def linear(self, j: int, s: Segment) -> float:
+    def linear(self, j: int, s: PreparedSegment) -> float:
         """Return what a rival leaves of a record after one linear refit: for screening, and never shown."""
         c = self.contenders[j]
         found = self._followed(c, c.theta, s)
@@ -95,7 +95,7 @@ class Bench:
         step = np.clip(c.theta - np.linalg.lstsq(normal, slope, rcond=1e-13)[0], *c.bounds) - c.theta
         return _compressed(float(e @ e + 2 * slope @ step + step @ normal @ step), s)
 
-    def refitted(self, j: int, s: Segment, starts: Sequence[Array] | None = None) -> tuple[float, Array]:
+    def refitted(self, j: int, s: PreparedSegment, starts: Sequence[Array] | None = None) -> tuple[float, Array]:
         """Return what a rival leaves of a record after a refit by Levenberg and Marquardt's method from its estimate,
         or from the best of some starts, and where it arrived.
         """
@@ -105,7 +105,7 @@ class Bench:
             best = min(best, found, key=lambda one: one[0])
         return (best[0] if best[0] >= LOST else _compressed(best[0], s)), best[1]
 
-    def _descended(self, c: Contender, s: Segment, theta: Array) -> tuple[float, Array]:
+    def _descended(self, c: Contender, s: PreparedSegment, theta: Array) -> tuple[float, Array]:
         low, high = c.bounds
         found = self._followed(c, theta, s)
         if found is None:
@@ -113,7 +113,7 @@ class Bench:
         e, D = found
         apart = theta - c.theta
         cost, damping = float(e @ e + apart @ c.information @ apart), 1e-3
-        for _ in range(STEPS):
+        for _ in range(MAX_REFIT_STEPS):
             normal = D.T @ D + c.information
             slope = D.T @ e + c.information @ (theta - c.theta)
             new = _projected(theta, normal + np.diag(damping * np.diag(normal)), slope, low, high)
@@ -128,7 +128,7 @@ class Bench:
                 break
         return cost, theta
 
-    def growing(self, j: int, s: Segment, theta: Array) -> Array:
+    def growing(self, j: int, s: PreparedSegment, theta: Array) -> Array:
         """Return the squares that a rival leaves of a record at some coordinates, summed up to each sample (T,)."""
         found = self._followed(self.contenders[j], theta, s)
         if found is None:
@@ -168,10 +168,10 @@ def _projected(x: Array, matrix: Array, slope: Array, low: Array, high: Array) -
     return np.asarray(new)
 
 
-def _compressed(cost: float, s: Segment) -> float:
+def _compressed(cost: float, s: PreparedSegment) -> float:
     """Return squares in units of the noise as -2 log likelihood with an unknown variance: it grows but slowly."""
     n = float(s.y.size)
     return float(n * np.log1p(max(cost, 0.0) / n))
 
 
-__all__ = ["Bench", "Pair"]
+__all__ = ["Pair", "RivalBench"]

@@ -11,7 +11,7 @@ import numpy as np
 
 from signlin_ros.experiment.parts import Part
 
-SIZES = (0.45, 0.7, 1.0)
+PEAK_PARTS = (0.45, 0.7, 1.0)
 """Parts of the peak at which a family's motion is repeated in one record."""
 LADDER = tuple(float(x) for x in np.geomspace(0.03, 1.0, 11))
 """Peaks that are tried, as parts of the largest input, the quietest first."""
@@ -30,11 +30,11 @@ class Family:
         return tuple(replace(p, peak=p.peak * peak) for p in self.parts)
 
 
-def _repeated(kind: str, frequency: float, sizes: Sequence[float] = SIZES, **more: float) -> tuple[Part, ...]:
+def _repeated(kind: str, frequency: float, sizes: Sequence[float] = PEAK_PARTS, **more: float) -> tuple[Part, ...]:
     return tuple(Part(kind, size, frequency, **more) for size in sizes)
 
 
-FAMILIES = (
+COMMAND_FAMILIES = (
     Family("slow triangles", _repeated("triangle", 0.8), ("coulomb_friction", "input_deadzone", "backlash")),
     Family(
         "slow ramps through standstill",
@@ -78,7 +78,7 @@ def mixed(first: Family, second: Family) -> Family:
 
 def asked_by(effects: Sequence[str]) -> tuple[str, ...]:
     """Return the names of the families that the texts of some effects ask for."""
-    return tuple(f.name for f in FAMILIES if set(f.texts) & set(effects))
+    return tuple(f.name for f in COMMAND_FAMILIES if set(f.texts) & set(effects))
 
 
-__all__ = ["FAMILIES", "LADDER", "Family", "asked_by", "mixed"]
+__all__ = ["COMMAND_FAMILIES", "LADDER", "Family", "asked_by", "mixed"]

@@ -7,19 +7,19 @@ from typing import Any
 
 import numpy as np
 
-from signlin_ros.diagnosis.case import case
-from signlin_ros.diagnosis.criteria import DEFAULT
-from signlin_ros.diagnosis.motion import Fitted, Motion
+from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA
+from signlin_ros.diagnosis.dataset import dataset_of
+from signlin_ros.diagnosis.output_error import FittedModel, OutputErrorEstimator
 from signlin_ros.diagnosis.rivals import rival
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import InputError, choices, suggest
-from signlin_ros.experiment.setting import MOST, Known, known_rivals
+from signlin_ros.experiment.setting import MAX_PLANNED_RIVALS, KnownLimits, known_rivals
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 
-FEWEST = 3
+MIN_RIVALS = 3
 """Rivals below which the best of what was rejected is looked at, too."""
-NOTHING = "nothing"
+NO_EFFECT = "nothing"
 """The name of the rival that adds no effect."""
 
 
@@ -35,11 +35,11 @@ def open_names(content: Mapping[str, Any]) -> list[str]:
         kin = [e["effect"] for e in content["ranking"] if e["status"] == "rejected" and _family(e["effect"])]
         ties += [name for name in kin if _family(name) == _family(entry["effect"])]
         swapped += [tuple(t if n == entry["effect"] else n for n in named) for t in ties]
-    if len(fitted) + len(swapped) < FEWEST and len(named) <= 1:
+    if len(fitted) + len(swapped) < MIN_RIVALS and len(named) <= 1:
         others = [e["effect"] for e in content["ranking"] if e["status"] == "rejected" and e["parameters"]]
-        swapped += [(name,) for name in others[:FEWEST]]
+        swapped += [(name,) for name in others[:MIN_RIVALS]]
     new = [s for s in dict.fromkeys(swapped) if s not in fitted and len(set(s)) == len(s)]
-    return ["+".join(effects) for effects in new[: max(MOST - len(fitted), 0)]]
+    return ["+".join(effects) for effects in new[: max(MAX_PLANNED_RIVALS - len(fitted), 0)]]
 
 
 def _family(effect: str) -> str:
@@ -47,37 +47,37 @@ def _family(effect: str) -> str:
 
 
 def with_named(
-    rivals: Sequence[Known], model: Model, records: Sequence[ModelData], names: Sequence[str]
-) -> list[Known]:
+    rivals: Sequence[KnownLimits], model: Model, records: Sequence[ModelData], names: Sequence[str]
+) -> list[KnownLimits]:
     """Return rivals with those of some names (effects joined by +), fitted to the records where they are not there yet.
 
     Raises `InputError` for an effect that there is not, or that cannot be added.
     """
-    known = {"+".join(r.effects) or NOTHING for r in rivals}
+    known = {"+".join(r.effects) or NO_EFFECT for r in rivals}
     plain = [name.strip().replace(" ", "_") for name in names]
     absent = [name for name in plain if name not in known]
-    for effect in (e for name in absent if name != NOTHING for e in name.split("+")):
+    for effect in (e for name in absent if name != NO_EFFECT for e in name.split("+")):
         if effect not in EFFECTS:
-            every = (NOTHING, *EFFECTS)
+            every = (NO_EFFECT, *EFFECTS)
             raise InputError(
                 f"--between: unknown effect {effect!r}; there are: {choices(every)}{suggest(effect, every)}"
             )
     if not absent:
         return list(rivals)
-    made = case(model, records)
-    motion = Motion(made.problem, made.unseen, DEFAULT, 1)
+    made = dataset_of(model, records)
+    motion = OutputErrorEstimator(made.problem, made.unseen, DEFAULT_CRITERIA, 1)
     found = [_fitted(motion, name) for name in absent]
     return [*rivals, *known_rivals([rival(f).to_json() for f in found])]
 
 
-def _fitted(motion: Motion, name: str) -> Fitted:
+def _fitted(motion: OutputErrorEstimator, name: str) -> FittedModel:
     """Return the best fit of a rival; one of many local minima from the best of many starts."""
-    if name == NOTHING:
+    if name == NO_EFFECT:
         return motion.base
     effects = name.split("+")
     best = motion.fitted(effects)
     options = motion.bred(motion.base, effects) if len(effects) == 1 and EFFECTS[effects[0]].rugged else []
-    return min([best, *options], key=lambda f: float(np.nansum(f.known_squares / motion.problem.noise**2)))
+    return min([best, *options], key=lambda f: float(np.nansum(f.training_squares / motion.problem.noise**2)))
 
 
-__all__ = ["NOTHING", "open_names", "with_named"]
+__all__ = ["NO_EFFECT", "open_names", "with_named"]

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-REST, LEAST_REST = 0.05, 0.1
+REST_PART, LEAST_REST = 0.05, 0.1
 """Part of the time at rest at either end, and s of it at least."""
-LEVELS = np.array([0.25, 0.5, 0.75, 1.0, 0.75, 0.5, 0.25, 0.0])
+STAIRCASE_LEVELS = np.array([0.25, 0.5, 0.75, 1.0, 0.75, 0.5, 0.25, 0.0])
 """Steps of a staircase, up and down, to either side."""
 LINES = 12
 """Sines in a multisine."""
@@ -33,7 +33,7 @@ class Part:
     def values(self, t: Array, duration: float) -> Array:
         """Return the part (T,) at times t in s from its beginning."""
         cycles = max(1, round(self.frequency * duration))
-        return self.peak * KINDS[self.kind](t / duration, cycles)
+        return self.peak * PART_KINDS[self.kind](t / duration, cycles)
 
     def told(self, duration: float, unit: str) -> str:
         """Return the part in words."""
@@ -63,7 +63,7 @@ def _steps(p: Array, cycles: int) -> Array:
 
 
 def _staircase(p: Array, cycles: int) -> Array:
-    levels = np.concatenate([LEVELS, -LEVELS])
+    levels = np.concatenate([STAIRCASE_LEVELS, -STAIRCASE_LEVELS])
     place = np.floor(levels.size * cycles * p + 1e-9).astype(int) % levels.size
     return np.asarray(levels[place])
 
@@ -99,7 +99,7 @@ def _multisine(p: Array, cycles: int) -> Array:
     return np.asarray(ends * waves / max(float(np.abs(waves).max(initial=0.0)), 1e-12))
 
 
-KINDS: dict[str, Callable[[Array, int], Array]] = {
+PART_KINDS: dict[str, Callable[[Array, int], Array]] = {
     "rest": lambda p, cycles: np.zeros_like(p),
     "hold": lambda p, cycles: np.clip(10.0 * np.minimum(p, 1.0 - p), 0.0, 1.0),
     "triangle": _triangle,
@@ -118,7 +118,7 @@ KINDS: dict[str, Callable[[Array, int], Array]] = {
 def rendered(parts: Sequence[Part], t: Array, slew: float = np.inf) -> Array:
     """Return a command (T,) at times t (T,): rest, the parts in turn, rest; no faster than ``slew`` per s."""
     duration, u = float(t[-1] - t[0]) + float(t[1] - t[0]), np.zeros(t.size)
-    rest = max(REST * duration, LEAST_REST)
+    rest = max(REST_PART * duration, LEAST_REST)
     start, span, total = float(t[0]) + rest, duration - 2 * rest, sum(p.share for p in parts)
     for part in parts:
         long = span * part.share / total
@@ -143,9 +143,9 @@ def slowed(u: Array, t: Array, slew: float) -> Array:
 
 def in_words(parts: Sequence[Part], duration: float, unit: str) -> str:
     """Return a command in words, part by part."""
-    span = duration - 2 * max(REST * duration, LEAST_REST)
+    span = duration - 2 * max(REST_PART * duration, LEAST_REST)
     total = sum(p.share for p in parts)
     return ", ".join(p.told(span * p.share / total, unit) for p in parts)
 
 
-__all__ = ["KINDS", "Part", "in_words", "rendered", "slowed"]
+__all__ = ["PART_KINDS", "Part", "in_words", "rendered", "slowed"]

@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Told:
+class PlanText:
     """How well two rivals are told apart by the next record: ``expected``, the smaller of both ways and of sigma
     points, of -2 log likelihood; ``certainty``: standard errors over the windows of a second run; ``so_far``: by
     the first records; ``most``: by any command that was tried; ``alike``: no command that was tried tells them apart;
@@ -36,7 +36,7 @@ class Told:
 
 
 @dataclass(frozen=True)
-class Row:
+class PlanRow:
     """The best command of a family: its words, its peak, what it would show, and the effects whose texts ask for it.
 
     ``real``: whether ``distance`` is by real refits: a linear one, which tells too much, is not shown as a number.
@@ -77,7 +77,7 @@ class Remedy:
 
 
 @dataclass(frozen=True)
-class Plan:
+class ExperimentPlan:
     """The next experiment. ``verdict``: enough, little (less than is asked for) or none; ``t``, ``u`` (T,): the command
     of the input ``input`` in ``unit``; ``limits`` by name, ``assumed`` those that nobody gave; ``smallest``: by rival,
     the smallest size of what it adds that would show, in words; ``preview``: what rivals would show; ``reference``:
@@ -92,8 +92,8 @@ class Plan:
     input: str
     unit: str
     rivals: tuple[str, ...]
-    pairs: tuple[Told, ...]
-    families: tuple[Row, ...]
+    pairs: tuple[PlanText, ...]
+    families: tuple[PlanRow, ...]
     limits: Mapping[str, float]
     assumed: tuple[str, ...]
     spare: float
@@ -159,4 +159,4 @@ def _finite(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-__all__ = ["Plan", "Remedy", "Row", "Told"]
+__all__ = ["ExperimentPlan", "PlanRow", "PlanText", "Remedy"]

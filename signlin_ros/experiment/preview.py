@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.experiment.plan import Told
-from signlin_ros.experiment.search import Search, Tried
+from signlin_ros.experiment.plan import PlanText
+from signlin_ros.experiment.search import CommandSearch, CommandTrial
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
+class PreviewCurve:
     """Two rivals by name; t (T,), what the first shows, ``true`` (T, channels), what the other one, refitted, shows,
     ``other`` (T, channels), the ``noise`` (channels) and the distance so far (T,).
     """
@@ -30,7 +30,7 @@ class Shown:
     distance: Array
 
 
-def preview(search: Search, best: Tried, told: Sequence[Told]) -> list[Shown]:
+def preview(search: CommandSearch, best: CommandTrial, told: Sequence[PlanText]) -> list[PreviewCurve]:
     """Return what the two rivals that are hardest to tell apart, of those that are told, would show; both ways."""
     names = [c.name for c in search.bench.contenders]
     hard = min((one for one in told if not (one.alike or one.nested)), key=lambda one: one.expected, default=told[0])
@@ -38,7 +38,7 @@ def preview(search: Search, best: Tried, told: Sequence[Told]) -> list[Shown]:
     return [shown for shown in (_shown(search, best, a, b) for a, b in ((i, j), (j, i))) if shown]
 
 
-def _shown(search: Search, best: Tried, i: int, j: int) -> Shown | None:
+def _shown(search: CommandSearch, best: CommandTrial, i: int, j: int) -> PreviewCurve | None:
     bench = search.bench
     run = bench.run(i, search.t, best.u)
     if run is None:
@@ -49,7 +49,7 @@ def _shown(search: Search, best: Tried, i: int, j: int) -> Shown | None:
     if other is None:
         return None
     channels, units = bench.problem.channels, {**bench.problem.base.units, **bench.problem.units}
-    return Shown(
+    return PreviewCurve(
         (bench.contenders[i].name, bench.contenders[j].name),
         search.t,
         segment.y,
@@ -61,4 +61,4 @@ def _shown(search: Search, best: Tried, i: int, j: int) -> Shown | None:
     )
 
 
-__all__ = ["Shown", "preview"]
+__all__ = ["PreviewCurve", "preview"]

@@ -10,43 +10,43 @@ from numpy.typing import NDArray
 
 from signlin_ros.comparison.equations import inertia
 from signlin_ros.experiment.contenders import Contender, contender
-from signlin_ros.experiment.distance import LOST, Bench, Pair
-from signlin_ros.experiment.families import FAMILIES
+from signlin_ros.experiment.distance import LOST, Pair, RivalBench
+from signlin_ros.experiment.families import COMMAND_FAMILIES
 from signlin_ros.experiment.plan import Remedy
-from signlin_ros.experiment.search import NEEDED, Search
+from signlin_ros.experiment.search import NEEDED_EVIDENCE, CommandSearch
 from signlin_ros.fitting.problem import prepare
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 
 Array = NDArray[np.float64]
 
-BEST, PEAKS = 3, (1.0, 0.5, 0.2)
+REMEDY_COMMANDS, PEAKS = 3, (1.0, 0.5, 0.2)
 """Commands of the largest distance that are tried with each remedy; peaks of those within wider limits."""
-NOISE = 0.01
+UNRECORDED_NOISE = 0.01
 """Noise of a channel that nobody recorded, as a part of its spread."""
-ADDED = 0.5
+ADDED_INERTIA = 0.5
 """A known inertia that is added, as a part of the machine's own."""
 CURRENT, QUICK = "current", 2e-3
 """A motor's current, and the time constant in s by which it becomes a state where the model has no inductance."""
-FASTER, WIDER = 4, 2.0
+FASTER_SAMPLING, WIDER_LIMITS = 4, 2.0
 """How many times as fast is sampled, and as wide limits are."""
 
 
-def remedies(search: Search, pair: Pair) -> list[Remedy]:
+def remedies(search: CommandSearch, pair: Pair) -> list[Remedy]:
     """Return what would tell two rivals apart, those that are enough, the largest distance first."""
     i, j = sorted(pair)
     both = [(i, j), (j, i)]
     names = (search.bench.contenders[i].name, search.bench.contenders[j].name)
     own = [k for k, p in enumerate(search.pairs) if set(p) == {i, j}]
-    best = sorted(search.tried, key=lambda one: -float(one.linear[own].min(initial=np.inf)))[:BEST]
+    best = sorted(search.tried, key=lambda one: -float(one.linear[own].min(initial=np.inf)))[:REMEDY_COMMANDS]
     commands = [one.u for one in best]
     found = [*_channels(search, both, commands), *_wider(search, both), *_heavier(search, both, commands)]
     found += _faster(search, both)
-    told = [Remedy(what, distance, names) for what, distance in found if distance >= NEEDED]
+    told = [Remedy(what, distance, names) for what, distance in found if distance >= NEEDED_EVIDENCE]
     return sorted(told, key=lambda r: -r.distance)
 
 
-def least(bench: Bench, both: Sequence[Pair], t: Array, u: Array) -> float:
+def least(bench: RivalBench, both: Sequence[Pair], t: Array, u: Array) -> float:
     """Return the smaller of both ways' real distances for a command."""
     values = []
     for i, j in both:
@@ -56,7 +56,7 @@ def least(bench: Bench, both: Sequence[Pair], t: Array, u: Array) -> float:
     return min(values)
 
 
-def _channels(search: Search, both: Sequence[Pair], commands: Sequence[Array]) -> Iterator[tuple[str, float]]:
+def _channels(search: CommandSearch, both: Sequence[Pair], commands: Sequence[Array]) -> Iterator[tuple[str, float]]:
     """Yield every quantity that was not recorded, with the distance that it would add."""
     problem, bench = search.bench.problem, search.bench
     plant = problem.base.plant
@@ -70,33 +70,35 @@ def _channels(search: Search, both: Sequence[Pair], commands: Sequence[Array]) -
             wider = seen_with(bench, both[0], search.t, u, (*problem.channels, name))
             if wider is not None:
                 yield (
-                    f"record the {name} too (with noise of {100 * NOISE:g} %)",
+                    f"record the {name} too (with noise of {100 * UNRECORDED_NOISE:g} %)",
                     least(wider, [(0, 1), (1, 0)], search.t, u),
                 )
 
 
-def _wider(search: Search, both: Sequence[Pair]) -> Iterator[tuple[str, float]]:
+def _wider(search: CommandSearch, both: Sequence[Pair]) -> Iterator[tuple[str, float]]:
     """Yield every limit, twice as wide."""
     plant = search.bench.problem.base.plant
     for name in (*search.limits.states, search.bench.problem.base.inputs[0]):
-        limits = search.limits.wider(WIDER, name)
-        other = Search(search.bench, limits, search.t, search.spare, lambda what, share: None, search.seed, list(both))
+        limits = search.limits.wider(WIDER_LIMITS, name)
+        other = CommandSearch(
+            search.bench, limits, search.t, search.spare, lambda what, share: None, search.seed, list(both)
+        )
         for part in PEAKS:
-            for family in FAMILIES:
+            for family in COMMAND_FAMILIES:
                 other.screened(family, family.at(part * other.most))
-        good = sorted(other.tried, key=lambda one: -one.least)[:BEST]
+        good = sorted(other.tried, key=lambda one: -one.least)[:REMEDY_COMMANDS]
         most = max((least(search.bench, both, search.t, one.u) for one in good), default=0.0)
         what = {plant.position: "travel", plant.velocity: "speed"}.get(name, name)
         yield f"allow twice the {what}", most
 
 
-def _heavier(search: Search, both: Sequence[Pair], commands: Sequence[Array]) -> Iterator[tuple[str, float]]:
+def _heavier(search: CommandSearch, both: Sequence[Pair], commands: Sequence[Array]) -> Iterator[tuple[str, float]]:
     """Yield a known inertia that is added."""
     bench, base = search.bench, search.bench.problem.base
     name = next((n for n in ("J", "m") if n in base.parameters), "")
     if not name or not inertia(base):
         return
-    more = float(f"{ADDED * inertia(base):.2g}")
+    more = float(f"{ADDED_INERTIA * inertia(base):.2g}")
     contenders = tuple(_loaded(bench.contenders[i], name, more) for i in both[0])
     heavier = replace(bench, contenders=contenders)
     most = max((least(heavier, [(0, 1), (1, 0)], search.t, u) for u in commands), default=0.0)
@@ -118,9 +120,9 @@ def _loaded(c: Contender, name: str, more: float) -> Contender:
     return replace(c, theta=theta, information=c.information * np.outer(scale, scale), models={})
 
 
-def _faster(search: Search, both: Sequence[Pair]) -> Iterator[tuple[str, float]]:
+def _faster(search: CommandSearch, both: Sequence[Pair]) -> Iterator[tuple[str, float]]:
     """Yield samples that are closer."""
-    step = search.bench.problem.scale.step / FASTER
+    step = search.bench.problem.scale.step / FASTER_SAMPLING
     t = np.arange(0.0, search.t[-1] - search.t[0] + step / 2, step)
     worth = sorted(search.tried, key=lambda one: -float(one.linear.min(initial=np.inf)))[:1]
     for one in worth:
@@ -130,7 +132,7 @@ def _faster(search: Search, both: Sequence[Pair]) -> Iterator[tuple[str, float]]
             yield f"sample every {1e3 * step:.3g} ms", least(finer, [(0, 1), (1, 0)], t, u)
 
 
-def seen_with(bench: Bench, pair: Pair, t: Array, u: Array, channels: Sequence[str]) -> Bench | None:
+def seen_with(bench: RivalBench, pair: Pair, t: Array, u: Array, channels: Sequence[str]) -> RivalBench | None:
     """Return two rivals as other channels, or other times t (T,), would show them; None where they cannot."""
     problem, (i, j) = bench.problem, pair
     base = problem.base
@@ -143,7 +145,7 @@ def seen_with(bench: Bench, pair: Pair, t: Array, u: Array, channels: Sequence[s
         return None
     g, noise = np.random.default_rng(0), dict(zip(problem.channels, problem.noise.tolist(), strict=True))
     measured = {c: run[c] for c in channels}
-    size = {c: noise.get(c, NOISE * float(np.std(v)) or 1e-9) for c, v in measured.items()}
+    size = {c: noise.get(c, UNRECORDED_NOISE * float(np.std(v)) or 1e-9) for c, v in measured.items()}
     noisy = {c: v + size[c] * g.standard_normal(t.size) for c, v in measured.items()}
     data = ModelData(t, bench.inputs(u), noisy, None, base.inputs, base.states, dict(problem.units), "command")
     other = prepare(base, [data], tuple(channels))
@@ -153,7 +155,7 @@ def seen_with(bench: Bench, pair: Pair, t: Array, u: Array, channels: Sequence[s
     old = dict(zip(problem.channels, bench.spread.tolist(), strict=True))
     spread = np.array([old.get(c, size[c]) for c in channels])
     gains = other.levels[min(problem.levels.index(bench.gains), len(other.levels) - 1)]
-    return Bench(other, contenders, gains, spread, bench.x0, bench.bias, bench.used)
+    return RivalBench(other, contenders, gains, spread, bench.x0, bench.bias, bench.used)
 
 
 def _without_inductance(model: Model) -> bool:

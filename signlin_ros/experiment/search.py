@@ -8,33 +8,33 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.criteria import DEFAULT
-from signlin_ros.experiment.distance import LOST, Bench, Pair
-from signlin_ros.experiment.families import FAMILIES, LADDER, Family, mixed
+from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA
+from signlin_ros.experiment.distance import LOST, Pair, RivalBench
+from signlin_ros.experiment.families import COMMAND_FAMILIES, LADDER, Family, mixed
 from signlin_ros.experiment.limits import Limits
 from signlin_ros.experiment.parts import Part, in_words, rendered
 from signlin_ros.experiment.windows import seen_in_windows
-from signlin_ros.follow.segments import Segment
+from signlin_ros.follow.segments import PreparedSegment
 
 Array = NDArray[np.float64]
 Tell = Callable[[str, float], None]
 
-NEEDED, ENOUGH = 10.0, 60.0
+NEEDED_EVIDENCE, ENOUGH = 10.0, 60.0
 """-2 log likelihood by which rivals are told apart at all, and that a plan asks for, beyond what noise takes away."""
 RESERVE = 1.2
 """Times `ENOUGH` that is asked for at the estimates and at sigma points: noise takes some of it away."""
-MOVES = 4.0
+MIN_MOTION_OVER_NOISE = 4.0
 """Times its noise that a channel of the motion must move by (RMS) with every rival."""
-POINTS = 2
+SIGMA_POINTS = 2
 """Sigma points of each rival that are looked at."""
 FURTHER = 2
 """Peaks of the ladder beyond the quietest that is enough among which the best is taken: an estimate that is somewhat
 off must not decide whether a machine breaks away."""
 RECOVERS = 0.2
 """Part of the distance within which a rival must come back to itself, refitted to its own prediction."""
-LOOKED, MIXED, CHANGED = 6, 4, 40
+FAMILIES_REFITTED, MIXED, CHANGED = 6, 4, 40
 """Families of a peak that are refitted for real; best of them that are mixed; random changes of the best."""
-COARSE, WORTH, SOUGHT = 3, 3.0, 30
+LADDER_STRIDE, MIN_LINEAR_RATIO, SOUGHT = 3, 3.0, 30
 """Steps of the ladder between the peaks at which pairs are looked at first; a pair is asked for from that multiple of
 what is needed on, by linear refits, which tell too much; commands that are refitted where none is enough."""
 REFIT_AT = 0.5
@@ -42,7 +42,7 @@ REFIT_AT = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Tried:
+class CommandTrial:
     """A command that was tried: its family, parts, u (T,), the part of its limits that it uses, the linear distance of
     every pair, and the real one where that was found out (pairs,). ``back``: by how much rivals miss themselves;
     ``sure`` (pairs,): the smallest real one of the sigma points too; ``certainties`` (pairs,): standard errors by which
@@ -73,17 +73,17 @@ class Tried:
 
 
 @dataclass(eq=False)
-class Search:
+class CommandSearch:
     """A search within limits at times t (T,); ``pairs``: those that are asked for; ``tried``: all that was tried."""
 
-    bench: Bench
+    bench: RivalBench
     limits: Limits
     t: Array
     spare: float
     tell: Tell
     seed: int = 1
     pairs: list[Pair] = field(default_factory=list)
-    tried: list[Tried] = field(default_factory=list)
+    tried: list[CommandTrial] = field(default_factory=list)
     refused: dict[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -100,7 +100,9 @@ class Search:
         u = self.bench.bias + rendered(parts, self.t, self.limits.slew)
         return np.asarray(np.clip(u, -self.limits.input, self.limits.input))
 
-    def screened(self, family: Family, parts: tuple[Part, ...], asked: float = 0.0, floor: float = 0.0) -> Tried | None:
+    def screened(
+        self, family: Family, parts: tuple[Part, ...], asked: float = 0.0, floor: float = 0.0
+    ) -> CommandTrial | None:
         """Return a command with its linear distances, infinite where they were not asked for since one is less than the
         ``floor``; None where a rival would leave the limits, or hardly move.
         """
@@ -119,7 +121,7 @@ class Search:
             linear[k] = 0.0 if distance >= LOST else distance
             if linear[k] < floor:
                 break
-        found = Tried(family, parts, u, share, linear, asked=asked)
+        found = CommandTrial(family, parts, u, share, linear, asked=asked)
         self.tried.append(found)
         return found
 
@@ -129,14 +131,14 @@ class Search:
             return list(range(len(self.pairs)))
         return [int(k) for k in np.argsort(self.tried[-1].linear, kind="stable")]
 
-    def _moves(self, s: Segment) -> bool:
+    def _moves(self, s: PreparedSegment) -> bool:
         """Tell whether a motion shows beyond the noise: of a record in which nothing moves nothing is concluded."""
         problem, plant = self.bench.problem, self.bench.problem.base.plant
         moving = [k for k, c in enumerate(problem.channels) if c in (plant.position, plant.velocity)]
         spread = s.y.std(axis=0) / problem.noise
-        return not moving or bool(np.any(spread[moving] > MOVES))
+        return not moving or bool(np.any(spread[moving] > MIN_MOTION_OVER_NOISE))
 
-    def refitted(self, one: Tried, least: float = 0.0) -> Tried:
+    def refitted(self, one: CommandTrial, least: float = 0.0) -> CommandTrial:
         """Return a command with real distances; those that are left once one is less than ``least`` stay linear."""
         if one.real is not None:
             return one
@@ -151,11 +153,11 @@ class Search:
                 break
         return self._replaced(one, replace(one, real=real))
 
-    def _replaced(self, one: Tried, done: Tried) -> Tried:
+    def _replaced(self, one: CommandTrial, done: CommandTrial) -> CommandTrial:
         self.tried = [done if other is one else other for other in self.tried]
         return done
 
-    def recovered(self, one: Tried, least: float = 0.0) -> Tried:
+    def recovered(self, one: CommandTrial, least: float = 0.0) -> CommandTrial:
         """Return a command with real distances from sigma points too, and the largest cost at which a rival, refitted
         from its estimate, misses itself at one; infinite where one leaves the limits. It is given up, without windows,
         once a distance is less than ``least``.
@@ -167,7 +169,7 @@ class Search:
         share, _, _ = bench.share(self.t, one.u, self.limits, points=True)
         if share > 1.0 - self.spare:
             return self._replaced(one, replace(one, back=np.inf, share=share, sure=sure))
-        for i, theta in [(i, x) for i, c in enumerate(bench.contenders) for x in c.sigma_points[:POINTS]]:
+        for i, theta in [(i, x) for i, c in enumerate(bench.contenders) for x in c.sigma_points[:SIGMA_POINTS]]:
             run = bench.run(i, self.t, one.u, theta)
             if run is None:
                 back = np.inf
@@ -183,24 +185,24 @@ class Search:
         done = replace(one, back=back, share=max(share, one.share), sure=sure, certainties=certainties)
         return self._replaced(one, done)
 
-    def distance(self, j: int, seen: Segment) -> float:
+    def distance(self, j: int, seen: PreparedSegment) -> float:
         """Return what a rival leaves of what another one would show, refitted from estimate and sigma points."""
         c = self.bench.contenders[j]
-        cost = self.bench.refitted(j, seen, [c.theta, *c.sigma_points[:POINTS]])[0]
+        cost = self.bench.refitted(j, seen, [c.theta, *c.sigma_points[:SIGMA_POINTS]])[0]
         return 0.0 if cost >= LOST else cost
 
-    def enough(self, one: Tried) -> bool:
+    def enough(self, one: CommandTrial) -> bool:
         """Tell whether a command has enough by real refits and by windows of a second run, and every rival comes back
         to itself.
         """
-        seen = one.certainties is not None and float(one.certainties.min(initial=np.inf)) >= DEFAULT.certainty
+        seen = one.certainties is not None and float(one.certainties.min(initial=np.inf)) >= DEFAULT_CRITERIA.certainty
         return seen and one.least >= RESERVE * ENOUGH and one.back <= RECOVERS * one.least
 
     # ------------------------------------------------------------ the ladder of peaks
 
     def reached(self) -> Array:
         """Return the largest linear distance of every pair (pairs,) over all families at some peaks."""
-        for part in LADDER[::-COARSE]:
+        for part in LADDER[::-LADDER_STRIDE]:
             self.tell(f"what commands of {part * self.most:.3g} would show", 0.0)
             self._screen(part * self.most)
         return self.largest()
@@ -213,14 +215,14 @@ class Search:
             replace(one, linear=one.linear[keep], real=None, sure=None, certainties=None) for one in self.tried
         ]
 
-    def climbed(self, mix: bool = False) -> Tried | None:
+    def climbed(self, mix: bool = False) -> CommandTrial | None:
         """Return the best command of the quietest peaks that have one that is enough; None where none has. ``mix``: of
         mixtures of families that help each other.
         """
         best, left = None, len(LADDER)
         for k, part in enumerate(LADDER):
             self.tell(f"commands of {part * self.most:.3g}", (k + len(LADDER) * mix) / (2 * len(LADDER)))
-            level = self._screen(part * self.most, NEEDED)
+            level = self._screen(part * self.most, NEEDED_EVIDENCE)
             found = self._best_of(self._mixtures(level, part * self.most) if mix else level)
             if found is not None and best is None:
                 left = FURTHER + 1
@@ -230,21 +232,21 @@ class Search:
                 break
         return best
 
-    def _screen(self, peak: float, floor: float = 0.0) -> list[Tried]:
+    def _screen(self, peak: float, floor: float = 0.0) -> list[CommandTrial]:
         """Return all families at a peak."""
         known = {one.family.name: one for one in self.tried if np.isclose(one.asked, peak)}
-        level = [known.get(f.name) or self.screened(f, f.at(peak), peak, floor) for f in FAMILIES]
+        level = [known.get(f.name) or self.screened(f, f.at(peak), peak, floor) for f in COMMAND_FAMILIES]
         return [one for one in level if one]
 
-    def _mixtures(self, level: Sequence[Tried], peak: float) -> list[Tried]:
+    def _mixtures(self, level: Sequence[CommandTrial], peak: float) -> list[CommandTrial]:
         near = sorted(level, key=lambda one: -float(one.linear.min()))[:MIXED]
         families = [mixed(a.family, b.family) for n, a in enumerate(near) for b in near[n + 1 :]]
-        return [one for one in (self.screened(f, f.at(peak), peak, NEEDED) for f in families) if one]
+        return [one for one in (self.screened(f, f.at(peak), peak, NEEDED_EVIDENCE) for f in families) if one]
 
-    def _best_of(self, level: Sequence[Tried]) -> Tried | None:
+    def _best_of(self, level: Sequence[CommandTrial]) -> CommandTrial | None:
         worth = [one for one in level if float(one.linear.min()) >= REFIT_AT * RESERVE * ENOUGH]
-        good = list[Tried]()
-        for one in sorted(worth, key=lambda one: -float(one.linear.min()))[:LOOKED]:
+        good = list[CommandTrial]()
+        for one in sorted(worth, key=lambda one: -float(one.linear.min()))[:FAMILIES_REFITTED]:
             most = max([RESERVE * ENOUGH, *(other.least for other in good)])
             done = self.refitted(one, most)
             if done.least >= most:
@@ -252,21 +254,21 @@ class Search:
                 good += [done] if self.enough(done) else []
         return max(good, key=lambda one: one.least, default=None)
 
-    def loudest(self) -> Tried | None:
+    def loudest(self) -> CommandTrial | None:
         """Return the command of the largest real distance that rivals come back from, where none is enough."""
-        best: Tried | None = None
+        best: CommandTrial | None = None
         for one in sorted(self.tried, key=lambda one: -float(one.linear.min()))[:SOUGHT]:
             least = 0.0 if best is None else best.least
             if float(one.linear.min()) <= least:
                 break
             done = self.refitted(one, least)
             done = self.recovered(done, least) if done.least > least else done
-            sound = np.isfinite(done.back) and done.back <= max(RECOVERS * done.least, NEEDED / 2)
+            sound = np.isfinite(done.back) and done.back <= max(RECOVERS * done.least, NEEDED_EVIDENCE / 2)
             if done.certainties is not None and done.least > least and (sound or best is None):
                 best = done
         return best
 
-    def improved(self, one: Tried) -> Tried:
+    def improved(self, one: CommandTrial) -> CommandTrial:
         """Return a command after random changes of its parts that keep its peak, if a real refit says it is better."""
         g, best = np.random.default_rng(self.seed), one
         for _ in range(CHANGED):
@@ -286,21 +288,21 @@ class Search:
         known = [np.where(np.isfinite(one.linear), one.linear, 0.0) for one in self.tried]
         return np.asarray(np.max([np.zeros(len(self.pairs)), *known], axis=0))
 
-    def by_family(self) -> list[Tried]:
+    def by_family(self) -> list[CommandTrial]:
         """Return the best command of each family: the quietest that is enough, else that of the largest distance."""
-        found: dict[str, Tried] = {}
+        found: dict[str, CommandTrial] = {}
         for one in self.tried:
             best = found.get(one.family.name)
             if ", " not in one.family.name and (best is None or _before(one, best)):
                 found[one.family.name] = one
         return list(found.values())
 
-    def words(self, one: Tried, unit: str) -> str:
+    def words(self, one: CommandTrial, unit: str) -> str:
         """Return a command in words."""
         return in_words(one.parts, float(self.t[-1] - self.t[0]) + float(self.t[1] - self.t[0]), unit)
 
 
-def _before(one: Tried, other: Tried) -> bool:
+def _before(one: CommandTrial, other: CommandTrial) -> bool:
     """Tell whether a command goes before another of its family."""
     a, b = (min(x.least, RESERVE * ENOUGH) for x in (one, other))
     return a > b or (a == b and one.peak < other.peak)
@@ -324,4 +326,4 @@ def changed(g: np.random.Generator, parts: Sequence[Part]) -> tuple[Part, ...]:
     return tuple(found)
 
 
-__all__ = ["ENOUGH", "NEEDED", "Search", "Tried", "changed"]
+__all__ = ["ENOUGH", "NEEDED_EVIDENCE", "CommandSearch", "CommandTrial", "changed"]

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import InputError, choices, suggest
 from signlin_ros.experiment.contenders import Contender, contender, information_of
-from signlin_ros.experiment.distance import Bench
+from signlin_ros.experiment.distance import RivalBench
 from signlin_ros.fitting.fit import evaluated, fit
 from signlin_ros.fitting.following import follow_records
-from signlin_ros.fitting.gains import Gains
+from signlin_ros.fitting.gains import ObserverGains
 from signlin_ros.fitting.prepare import prepared
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.model import Model
@@ -22,22 +22,22 @@ from signlin_ros.records import ModelData
 
 Array = NDArray[np.float64]
 
-MOST = 5
+MAX_PLANNED_RIVALS = 5
 """Most rivals that are planned for: each pair costs refits."""
 EXCLUDED = 60.0
 """-2 log likelihood of the first records beyond the best rival's from which on one needs no experiment."""
-LEVEL = 2
+OBSERVER_LEVEL = 2
 """Which of the observers a command is judged through: that of the last but one gain, as fits end with."""
-SETTLES, STILL = 0.3, 0.02
+SETTLES, REST_SPEED_SHARE = 0.3, 0.02
 """s after which a machine at rest must still be there, within that part of its speed in the first records."""
-REFITTED = 8
+SIZE_REFIT_STEPS = 8
 """Steps of a refit at a size of interest."""
-HALVINGS = 30
+MAX_BISECTIONS = 30
 """Most bisections for the input that holds a machine."""
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
+class KnownLimits:
     """A rival as a diagnosis tells it: effects beyond the model as given, model, parameters, covariance of values."""
 
     effects: tuple[str, ...]
@@ -46,18 +46,18 @@ class Known:
     covariance: Array
 
 
-def known_rivals(told: Sequence[Mapping[str, object]]) -> list[Known]:
+def known_rivals(told: Sequence[Mapping[str, object]]) -> list[KnownLimits]:
     """Return the rivals of a diagnosis from its JSON."""
     found = []
     for one in told:
         model = Model.from_yaml(str(one["model"]), "rivals")
         names = tuple(map(str, one["parameters"]))  # type: ignore[call-overload]
         covariance = np.array(one["covariance"], dtype=float).reshape(len(names), len(names))
-        found.append(Known(tuple(one["effects"]), model, names, covariance))  # type: ignore[arg-type]
+        found.append(KnownLimits(tuple(one["effects"]), model, names, covariance))  # type: ignore[arg-type]
     return found
 
 
-def named(rivals: Sequence[Known], between: Sequence[str]) -> list[Known]:
+def named(rivals: Sequence[KnownLimits], between: Sequence[str]) -> list[KnownLimits]:
     """Return the rivals of some names (effects joined by +); raise `InputError` for one that is none of them."""
     every, found = {"+".join(r.effects) or "nothing": r for r in rivals}, []
     for name in between:
@@ -68,9 +68,9 @@ def named(rivals: Sequence[Known], between: Sequence[str]) -> list[Known]:
     return found
 
 
-def chosen(rivals: Sequence[Known]) -> tuple[list[Known], list[Known]]:
-    """Return the rivals that are planned for, `MOST` at most, and those left out: the proposal, the simplest of
-    each family, then the next simplest of each.
+def chosen(rivals: Sequence[KnownLimits]) -> tuple[list[KnownLimits], list[KnownLimits]]:
+    """Return the rivals that are planned for, `MAX_PLANNED_RIVALS` at most, and those left out: the proposal, the
+    simplest of each family, then the next simplest of each.
     """
     order = sorted(rivals, key=lambda r: (r is not rivals[0], len(r.parameters)))
     ranks, count = {}, dict[str, int]()
@@ -78,16 +78,16 @@ def chosen(rivals: Sequence[Known]) -> tuple[list[Known], list[Known]]:
         family = _family(r) or repr(r.effects)
         ranks[r.effects] = count.get(family, 0)
         count[family] = ranks[r.effects] + 1
-    kept = sorted(rivals, key=lambda r: (r is not rivals[0], ranks[r.effects]))[:MOST]
+    kept = sorted(rivals, key=lambda r: (r is not rivals[0], ranks[r.effects]))[:MAX_PLANNED_RIVALS]
     kept.sort(key=list(rivals).index)
     return kept, [r for r in rivals if r not in kept]
 
 
-def _family(r: Known) -> str:
+def _family(r: KnownLimits) -> str:
     return EFFECTS[r.effects[0]].family if len(r.effects) == 1 else ""
 
 
-def bench_of(given: Model, records: Sequence[ModelData], rivals: Sequence[Known]) -> Bench:
+def bench_of(given: Model, records: Sequence[ModelData], rivals: Sequence[KnownLimits]) -> RivalBench:
     """Return the rivals as contenders, and what they leave of the first records; one whose estimate is smaller than is
     of interest is fitted anew at that size.
     """
@@ -104,13 +104,13 @@ def bench_of(given: Model, records: Sequence[ModelData], rivals: Sequence[Known]
             left.append(np.sqrt(np.nanmean(np.concatenate(found[0]) ** 2, axis=0)))
     spread = np.maximum(np.min(left, axis=0), problem.noise) if left else problem.noise
     x0 = dict(zip(problem.base.states, problem.base.x0.tolist(), strict=True))
-    bench = Bench(problem, tuple(contenders), gains, spread, x0)
+    bench = RivalBench(problem, tuple(contenders), gains, spread, x0)
     return replace(bench, bias=_resting(bench))
 
 
-def gains_of(problem: Problem) -> Gains:
+def gains_of(problem: Problem) -> ObserverGains:
     """Return the observer through which a command is judged."""
-    return problem.levels[min(LEVEL, len(problem.levels) - 1)]
+    return problem.levels[min(OBSERVER_LEVEL, len(problem.levels) - 1)]
 
 
 def _sized(problem: Problem, c: Contender) -> Array:
@@ -119,11 +119,11 @@ def _sized(problem: Problem, c: Contender) -> Array:
         return c.theta
     bounds = zip(c.candidate.coordinates, *(side.tolist() for side in c.bounds), strict=True)
     own = replace(c.candidate, coordinates=tuple(replace(k, low=a, high=b) for k, a, b in bounds), starts={})
-    found = fit(problem, own, gains_of(problem), c.theta, REFITTED)
+    found = fit(problem, own, gains_of(problem), c.theta, SIZE_REFIT_STEPS)
     return np.asarray(c.theta if found is None else found.theta)
 
 
-def open_ones(bench: Bench, rivals: Sequence[Known]) -> list[Known]:
+def open_ones(bench: RivalBench, rivals: Sequence[KnownLimits]) -> list[KnownLimits]:
     """Return the rivals that the first records do not exclude yet, the proposal always."""
     first = so_far(bench.problem, bench.contenders)
     return [r for k, r in enumerate(rivals) if k == 0 or not first[k] > EXCLUDED]
@@ -140,7 +140,7 @@ def so_far(problem: Problem, contenders: Sequence[Contender]) -> Array:
     return np.asarray(np.array(costs) - np.nanmin(costs))
 
 
-def _resting(bench: Bench) -> float:
+def _resting(bench: RivalBench) -> float:
     """Return the input that holds the machine where it starts, by bisection: 0 where any rival says that it stays
     there by itself.
     """
@@ -155,12 +155,12 @@ def _resting(bench: Bench) -> float:
         runs = [bench.run(i, t, np.full(t.size, u)) for i in range(len(bench.contenders))]
         return min((float(run[velocity][-1]) for run in runs if run is not None), key=abs, default=0.0)
 
-    slow, most = STILL * problem.scale.velocity, max(map(abs, problem.ranges[problem.base.inputs[0]]))
+    slow, most = REST_SPEED_SHARE * problem.scale.velocity, max(map(abs, problem.ranges[problem.base.inputs[0]]))
     moved = ends(0.0)
     if abs(moved) <= slow:
         return 0.0
     low, high = (0.0, -np.sign(moved) * most)
-    for _ in range(HALVINGS):
+    for _ in range(MAX_BISECTIONS):
         middle = 0.5 * (low + high)
         found = ends(float(middle))
         if abs(found) <= slow:
@@ -169,4 +169,4 @@ def _resting(bench: Bench) -> float:
     return 0.0
 
 
-__all__ = ["Known", "bench_of", "chosen", "gains_of", "known_rivals", "named", "open_ones", "so_far"]
+__all__ = ["KnownLimits", "bench_of", "chosen", "gains_of", "known_rivals", "named", "open_ones", "so_far"]

@@ -10,11 +10,11 @@ import numpy as np
 from signlin_ros.fitting.candidate import Candidate
 from signlin_ros.fitting.problem import Problem
 
-SHARE = 0.2
+MIN_SIZE_SHARE = 0.2
 """Part of the friction, or of a law's own larger term, that a smaller one must be to be of interest."""
-SAMPLES = 16.0
+MIN_VIBRATION_SAMPLES = 16.0
 """Samples in a period of the vibration on a bristle or a shaft that is soft enough to be of interest."""
-SLOWEST, SLOW = 0.02, 0.25
+MIN_FADING_SPEED, MAX_FADING_SPEED = 0.02, 0.25
 """Parts of the RMS speed between which is that up to which friction falls, if it is to be told from one that does not:
 below, nobody sees it fall, beyond, it is lower everywhere."""
 
@@ -40,17 +40,17 @@ class Size:
 
 
 def _share_of(other: str) -> Bound:
-    return lambda problem, v: SHARE * abs(v[other])
+    return lambda problem, v: MIN_SIZE_SHARE * abs(v[other])
 
 
 def _soft(problem: Problem, v: Values) -> float:
-    """Return the stiffness on which the moving mass vibrates with `SAMPLES` samples in a period."""
-    return float(problem.scale.inertia * (2 * np.pi / (SAMPLES * problem.scale.step)) ** 2)
+    """Return the stiffness on which the moving mass vibrates with `MIN_VIBRATION_SAMPLES` samples in a period."""
+    return float(problem.scale.inertia * (2 * np.pi / (MIN_VIBRATION_SAMPLES * problem.scale.step)) ** 2)
 
 
 def _play(problem: Problem, v: Values) -> float:
     """Return the play that a share of the driving force would close by its elasticity."""
-    return SHARE * problem.scale.force / max(v["k"], 1e-300)
+    return MIN_SIZE_SHARE * problem.scale.force / max(v["k"], 1e-300)
 
 
 def _speeds(share: float) -> Bound:
@@ -58,16 +58,16 @@ def _speeds(share: float) -> Bound:
 
 
 LARGE: Mapping[str, Mapping[str, Bound]] = {
-    "stribeck_friction": {"excess": _share_of("mu"), "v_s": _speeds(SLOWEST)},
+    "stribeck_friction": {"excess": _share_of("mu"), "v_s": _speeds(MIN_FADING_SPEED)},
     "backlash": {"gap": _play},
-    "load_dependent_friction": {"kappa_d": lambda problem, v: SHARE * (v["kappa_d"] + v["kappa_e"])},
+    "load_dependent_friction": {"kappa_d": lambda problem, v: MIN_SIZE_SHARE * (v["kappa_d"] + v["kappa_e"])},
 }
 """By effect: parameters that must be so large."""
 SMALL: Mapping[str, Mapping[str, Bound]] = {
     "dahl_presliding": {"sigma": _soft},
     "lugre_friction": {"sigma0": _soft},
     "compliant_load": {"k": _soft},
-    "stribeck_friction": {"v_s": _speeds(SLOW)},
+    "stribeck_friction": {"v_s": _speeds(MAX_FADING_SPEED)},
 }
 """And those that must be so small."""
 

@@ -9,20 +9,20 @@ import numpy as np
 
 from signlin_ros.digits import with_error
 from signlin_ros.errors import joined
-from signlin_ros.experiment.plan import Plan, Told
-from signlin_ros.experiment.search import ENOUGH, NEEDED
+from signlin_ros.experiment.plan import ExperimentPlan, PlanText
+from signlin_ros.experiment.search import ENOUGH, NEEDED_EVIDENCE
 
 if TYPE_CHECKING:
-    from signlin_ros.experiment.distance import Bench
-    from signlin_ros.experiment.search import Search
-    from signlin_ros.experiment.setting import Known
+    from signlin_ros.experiment.distance import RivalBench
+    from signlin_ros.experiment.search import CommandSearch
+    from signlin_ros.experiment.setting import KnownLimits
 
 
-def sentence(plan: Plan) -> str:
+def sentence(plan: ExperimentPlan) -> str:
     """Return the answer in one sentence."""
     alike = [one for one in plan.pairs if one.alike]
-    apart = [one for one in plan.pairs if not one.alike and one.expected >= NEEDED]
-    weak = [one for one in plan.pairs if not (one.alike or one.nested) and one.expected < NEEDED]
+    apart = [one for one in plan.pairs if not one.alike and one.expected >= NEEDED_EVIDENCE]
+    weak = [one for one in plan.pairs if not (one.alike or one.nested) and one.expected < NEEDED_EVIDENCE]
     parts = []
     if apart:
         worst = min(apart, key=lambda one: one.expected)
@@ -32,7 +32,7 @@ def sentence(plan: Plan) -> str:
         short = "" if worst.expected >= ENOUGH else f", less than the {ENOUGH:g} that a plan asks for"
         parts.append(
             f"{what} up to {np.abs(plan.u).max():.3g} {plan.unit} for {plan.duration:.3g} s would tell {only}:"
-            f" expected {worst.expected:.3g}, {NEEDED:g} is needed{short}"
+            f" expected {worst.expected:.3g}, {NEEDED_EVIDENCE:g} is needed{short}"
         )
     parts += [
         f"it would not tell {one.rivals[0]} from {one.rivals[1]}: expected {one.expected:.2g}, another command"
@@ -43,28 +43,28 @@ def sentence(plan: Plan) -> str:
         helps = [r.what for r in plan.remedies if r.rivals == one.rivals]
         told = f"no command within these limits tells {one.rivals[0]} from {one.rivals[1]}"
         more = f"; what would: {joined(helps[:3], 'or')}" if helps else "; nor does anything else that was tried"
-        parts.append(f"{told}: most {one.most:.2g}, {NEEDED:g} is needed{more}")
+        parts.append(f"{told}: most {one.most:.2g}, {NEEDED_EVIDENCE:g} is needed{more}")
     if not parts:
         parts = [_nested(one) for one in plan.pairs if one.nested]
     return _capital("; ".join(parts)) + "."
 
 
-def _nested(one: Told) -> str:
+def _nested(one: PlanText) -> str:
     """Return that one rival is nearly the other one, in words."""
     same = f"{one.rivals[0]} and {one.rivals[1]} are nearly the same, as the first records leave them"
     return f"{same}, and one is a richer form of the other: no command tells them apart, the simpler will be named"
 
 
-def smallest(bench: Bench, told: Sequence[Told]) -> dict[str, str]:
+def smallest(bench: RivalBench, told: Sequence[PlanText]) -> dict[str, str]:
     """Return by rival the smallest size of what it adds that the plan would show, in words: distances are squares."""
     found = {}
     for c in bench.contenders:
         own = [one.expected for one in told if c.name in one.rivals and not (one.alike or one.nested)]
-        if c.size is None or not own or min(own) < NEEDED:
+        if c.size is None or not own or min(own) < NEEDED_EVIDENCE:
             continue
         i = c.index(c.size.name)
         k = c.candidate.coordinates[i]
-        size, factor = k.value(float(c.theta[i])), float(np.sqrt(min(own) / NEEDED))
+        size, factor = k.value(float(c.theta[i])), float(np.sqrt(min(own) / NEEDED_EVIDENCE))
         value, name = (size * factor if c.size.stiff else size / factor), c.size.name.rpartition(".")[2]
         unit = bench.problem.shown(_unit(c.candidate.model, c.size.name))
         bound = "softer than" if c.size.stiff else "at least"
@@ -79,7 +79,7 @@ def _unit(model: Any, name: str) -> str:
     return str(resolve_unit(declared(model)[name].unit, model.plant, False))
 
 
-def notes(search: Search, rest: Sequence[Known], told: Sequence[Told]) -> tuple[str, ...]:
+def notes(search: CommandSearch, rest: Sequence[KnownLimits], told: Sequence[PlanText]) -> tuple[str, ...]:
     """Return what a user should know beside the answer."""
     found, bench, limits = [], search.bench, search.limits
     if limits.assumed:

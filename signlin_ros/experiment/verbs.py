@@ -12,20 +12,28 @@ from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import InputError
 from signlin_ros.experiment import text
 from signlin_ros.experiment.contenders import Contender
-from signlin_ros.experiment.distance import LOST, Bench, Pair
+from signlin_ros.experiment.distance import LOST, Pair, RivalBench
 from signlin_ros.experiment.limits import Limits, limits_of
-from signlin_ros.experiment.plan import Plan, Remedy, Row, Told
+from signlin_ros.experiment.plan import ExperimentPlan, PlanRow, PlanText, Remedy
 from signlin_ros.experiment.preview import preview
 from signlin_ros.experiment.remedies import remedies
-from signlin_ros.experiment.search import ENOUGH, NEEDED, POINTS, RESERVE, WORTH, Search, Tried
-from signlin_ros.experiment.setting import Known, bench_of, chosen, named, open_ones, so_far
+from signlin_ros.experiment.search import (
+    ENOUGH,
+    MIN_LINEAR_RATIO,
+    NEEDED_EVIDENCE,
+    RESERVE,
+    SIGMA_POINTS,
+    CommandSearch,
+    CommandTrial,
+)
+from signlin_ros.experiment.setting import KnownLimits, bench_of, chosen, named, open_ones, so_far
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.threads import one_thread
 
 Array = NDArray[np.float64]
 
-WINDOWS, SHORTEST, LONGEST = 25, 2.0, 10.0
+WINDOWS, MIN_RUN_SECONDS, MAX_RUN_SECONDS = 25, 2.0, 10.0
 """Windows of the horizon that a run holds at least, and s of it at least and, unless they need more, at most."""
 DRAWN, DOWN, TIMES = 12, 0.85, 12
 """Machines drawn from each estimate that must stay within the limits; by what a command is made smaller, how often."""
@@ -34,7 +42,7 @@ EVERY = 20_000
 
 
 @dataclass(frozen=True)
-class Wishes:
+class ExperimentWishes:
     """What was asked for: rivals by name, limits by name, length in s, time between samples in s, part of the limits to
     spare, and the seed of what is drawn.
     """
@@ -51,16 +59,16 @@ class Wishes:
 def designed(
     given: Model,
     records: Sequence[ModelData],
-    rivals: Sequence[Known],
-    wishes: Wishes,
+    rivals: Sequence[KnownLimits],
+    wishes: ExperimentWishes,
     tell: Callable[[str, float], None] = lambda what, share: None,
     after: str = "",
-) -> Plan:
+) -> ExperimentPlan:
     """Return the next experiment for the rivals of a diagnosis of some records.
 
     Raises `InputError` where there are no two rivals, and for what was asked for and cannot be.
     """
-    rest, every = list[Known](), list(rivals)
+    rest, every = list[KnownLimits](), list(rivals)
     if wishes.between:
         rivals = every = named(rivals, wishes.between)
     bench = bench_of(given, records, every) if every else None
@@ -75,28 +83,28 @@ def designed(
     if bench.problem.base.plant.motion_is_imposed():
         raise InputError(f"the plant {given.plant.name} has its motion imposed: a command cannot be designed for it")
     limits = limits_of(bench.problem, wishes.limits)
-    search = Search(bench, limits, _times(bench, wishes), wishes.spare, tell, wishes.seed)
+    search = CommandSearch(bench, limits, _times(bench, wishes), wishes.spare, tell, wishes.seed)
     if search.most <= 0.0:
         raise InputError(f"holding the machine takes {bench.bias:g}, more than its limit {search.limits.input:g}")
     return _planned(search, rest, wishes, after)
 
 
-def _rests(bench: Bench, i: int, limits: Limits) -> bool:
+def _rests(bench: RivalBench, i: int, limits: Limits) -> bool:
     """Tell whether a rival stays within the limits at rest: one that runs away is not the machine."""
     step = bench.problem.scale.step
-    t = np.arange(0.0, SHORTEST, step)
+    t = np.arange(0.0, MIN_RUN_SECONDS, step)
     run = bench.run(i, t, np.full(t.size, float(bench.bias)))
     return run is not None and limits.share(run)[0] < 1.0
 
 
-def _times(bench: Bench, wishes: Wishes) -> Array:
+def _times(bench: RivalBench, wishes: ExperimentWishes) -> Array:
     problem = bench.problem
     step = wishes.dt or float(f"{problem.scale.step:.4g}")
     if wishes.dt is not None and not np.isclose(wishes.dt, problem.scale.step, rtol=0.02):
         own = f"the first records have {problem.scale.step:.4g} s"
         raise InputError(f"--dt: found {wishes.dt:g}; {own}, and a plan is judged by what they left at that step")
-    least = max(SHORTEST, WINDOWS * max(problem.base.update_period, 2 * problem.scale.step))
-    duration = wishes.duration or float(np.clip(problem.scale.duration, least, max(least, LONGEST)))
+    least = max(MIN_RUN_SECONDS, WINDOWS * max(problem.base.update_period, 2 * problem.scale.step))
+    duration = wishes.duration or float(np.clip(problem.scale.duration, least, max(least, MAX_RUN_SECONDS)))
     count = round(duration / step)
     if not 100 <= count <= EVERY:
         allowed = f"{100 * step:g} to {EVERY * step:g} s at {step:g} s a sample"
@@ -104,15 +112,17 @@ def _times(bench: Bench, wishes: Wishes) -> Array:
     return np.asarray(step * np.arange(count))
 
 
-def _planned(search: Search, rest: Sequence[Known], wishes: Wishes, after: str) -> Plan:
+def _planned(
+    search: CommandSearch, rest: Sequence[KnownLimits], wishes: ExperimentWishes, after: str
+) -> ExperimentPlan:
     tell = search.tell
     every, reach = list(search.pairs), search.reached()
     if not search.tried:
         why = max(search.refused, key=lambda n: search.refused[n], default="")
         raise InputError(f"--limit: no command stays within the limit of {why} with {search.spare:g} to spare")
     least = {pair: min(r, reach[every.index(pair[::-1])]) for pair, r in zip(every, reach, strict=True)}
-    asked = [p for p in every if least[p] >= WORTH * NEEDED]
-    asked = asked or [p for p in every if least[p] >= max(NEEDED, 0.5 * max(least.values()))]
+    asked = [p for p in every if least[p] >= MIN_LINEAR_RATIO * NEEDED_EVIDENCE]
+    asked = asked or [p for p in every if least[p] >= max(NEEDED_EVIDENCE, 0.5 * max(least.values()))]
     asked = asked or [p for p in every if p in (every[0], every[0][::-1])]
     whole = list(search.tried)
     search.ask(asked)
@@ -126,7 +136,7 @@ def _planned(search: Search, rest: Sequence[Known], wishes: Wishes, after: str) 
     return _plan(search, best, told, cures, rest, after)
 
 
-def _within(search: Search, best: Tried) -> Tried:
+def _within(search: CommandSearch, best: CommandTrial) -> CommandTrial:
     """Return a command made smaller until machines drawn from every estimate stay within the limits."""
     g = np.random.default_rng(search.seed)
     drawn = [(i, theta) for i, c in enumerate(search.bench.contenders) for theta in c.drawn(g, DRAWN)]
@@ -144,8 +154,12 @@ def _within(search: Search, best: Tried) -> Tried:
 
 
 def _told(
-    search: Search, best: Tried, every: Sequence[Pair], least: Mapping[Pair, float], whole: Sequence[Tried]
-) -> list[Told]:
+    search: CommandSearch,
+    best: CommandTrial,
+    every: Sequence[Pair],
+    least: Mapping[Pair, float],
+    whole: Sequence[CommandTrial],
+) -> list[PlanText]:
     """Return how well each two rivals are told apart: both ways, and from sigma points of the true one."""
     bench, first = search.bench, so_far(search.bench.problem, search.bench.contenders)
     found, names = [], [c.name for c in bench.contenders]
@@ -154,11 +168,13 @@ def _told(
         places = [k for k, p in enumerate(search.pairs) if set(p) == {i, j}]
         seen = float(best.certainties[places].min()) if best.certainties is not None and places else np.nan
         most, alike, nested = max(expected, 0.0), False, False
-        if expected < NEEDED:
-            most = max(expected, _most(search, (i, j), every, whole)) if least[i, j] >= NEEDED else least[i, j]
-            nested = bool(most < NEEDED) and _kin(bench.contenders[i], bench.contenders[j])
-            alike = bool(most < NEEDED) and not nested
-        found.append(Told((names[i], names[j]), expected, seen, abs(float(first[i] - first[j])), most, alike, nested))
+        if expected < NEEDED_EVIDENCE:
+            most = max(expected, _most(search, (i, j), every, whole)) if least[i, j] >= NEEDED_EVIDENCE else least[i, j]
+            nested = bool(most < NEEDED_EVIDENCE) and _kin(bench.contenders[i], bench.contenders[j])
+            alike = bool(most < NEEDED_EVIDENCE) and not nested
+        found.append(
+            PlanText((names[i], names[j]), expected, seen, abs(float(first[i] - first[j])), most, alike, nested)
+        )
     return found
 
 
@@ -168,31 +184,31 @@ def _kin(a: Contender, b: Contender) -> bool:
     return bool(families[0]) and families[0] == families[1] and a.theta.size != b.theta.size
 
 
-def _expected(search: Search, u: Array, pair: Pair) -> float:
+def _expected(search: CommandSearch, u: Array, pair: Pair) -> float:
     """Return the smallest distance from a rival's estimate or one of its sigma points, the other one refitted from its
     estimate and from its sigma points.
     """
     bench, (i, j), values = search.bench, pair, list[float]()
-    for theta in (bench.contenders[i].theta, *bench.contenders[i].sigma_points[:POINTS]):
+    for theta in (bench.contenders[i].theta, *bench.contenders[i].sigma_points[:SIGMA_POINTS]):
         run = bench.run(i, search.t, u, theta)
         values.append(0.0 if run is None else search.distance(j, bench.segment(i, run, theta)))
     return min(values)
 
 
-def _most(search: Search, pair: Pair, every: Sequence[Pair], whole: Sequence[Tried]) -> float:
+def _most(search: CommandSearch, pair: Pair, every: Sequence[Pair], whole: Sequence[CommandTrial]) -> float:
     """Return the largest real distance of two rivals over the commands of the largest linear ones."""
     places = [k for k, p in enumerate(every) if set(p) == set(pair)]
     near = sorted(whole, key=lambda one: -float(one.linear[places].min()))[:3]
     return max((min(_real(search.bench, search.t, one.u, p) for p in (pair, pair[::-1])) for one in near), default=0.0)
 
 
-def _real(bench: Bench, t: Array, u: Array, pair: Pair) -> float:
+def _real(bench: RivalBench, t: Array, u: Array, pair: Pair) -> float:
     run = bench.run(pair[0], t, u)
     cost = LOST if run is None else bench.refitted(pair[1], bench.segment(pair[0], run))[0]
     return 0.0 if cost >= LOST else cost
 
 
-def _cures(search: Search, one: Told, every: Sequence[Pair], whole: Sequence[Tried]) -> list[Remedy]:
+def _cures(search: CommandSearch, one: PlanText, every: Sequence[Pair], whole: Sequence[CommandTrial]) -> list[Remedy]:
     """Return what would tell two rivals apart that are alike."""
     search.tell(f"what would tell {one.rivals[0]} from {one.rivals[1]}", 0.95)
     names = [c.name for c in search.bench.contenders]
@@ -200,10 +216,10 @@ def _cures(search: Search, one: Told, every: Sequence[Pair], whole: Sequence[Tri
     return remedies(other, (names.index(one.rivals[0]), names.index(one.rivals[1])))
 
 
-def _whole(search: Search, every: Sequence[Pair], whole: Sequence[Tried]) -> Search:
+def _whole(search: CommandSearch, every: Sequence[Pair], whole: Sequence[CommandTrial]) -> CommandSearch:
     """Return a search of all pairs with what was tried for all of them."""
     options = (search.spare, _quiet, search.seed, list(every), list(whole))
-    return Search(search.bench, search.limits, search.t, *options)
+    return CommandSearch(search.bench, search.limits, search.t, *options)
 
 
 def _quiet(what: str, share: float) -> None:
@@ -211,17 +227,22 @@ def _quiet(what: str, share: float) -> None:
 
 
 def _plan(
-    search: Search, best: Tried, told: Sequence[Told], cures: Sequence[Remedy], rest: Sequence[Known], after: str
-) -> Plan:
+    search: CommandSearch,
+    best: CommandTrial,
+    told: Sequence[PlanText],
+    cures: Sequence[Remedy],
+    rest: Sequence[KnownLimits],
+    after: str,
+) -> ExperimentPlan:
     bench, base = search.bench, search.bench.problem.base
     name = base.inputs[0]
     units = {**base.units, **bench.problem.units}
-    apart = [one for one in told if not one.alike and one.expected >= NEEDED]
-    enough = bool(apart) and all(one.expected >= ENOUGH for one in told if one.expected >= NEEDED)
+    apart = [one for one in told if not one.alike and one.expected >= NEEDED_EVIDENCE]
+    enough = bool(apart) and all(one.expected >= ENOUGH for one in told if one.expected >= NEEDED_EVIDENCE)
     asked = [one for one in told if not one.nested]
     verdict = "none" if not apart else "enough" if enough and len(apart) == len(asked) else "little"
     rows = tuple(_row(search, one, units.get(name, "")) for one in _rows(search, best))
-    plan = Plan(
+    plan = ExperimentPlan(
         verdict=verdict,
         sentence="",
         words=search.words(best, units.get(name, "")),
@@ -248,17 +269,17 @@ def _plan(
     return replace(plan, sentence=text.sentence(plan))
 
 
-def _rows(search: Search, best: Tried) -> list[Tried]:
+def _rows(search: CommandSearch, best: CommandTrial) -> list[CommandTrial]:
     rows = [one for one in search.by_family() if one.family.name != best.family.name]
     rows = [search.refitted(one) for one in sorted(rows, key=lambda one: -one.least)[:12]]
     return [best, *sorted(rows, key=lambda one: (-min(one.least, RESERVE * ENOUGH), one.peak))]
 
 
-def _row(search: Search, one: Tried, unit: str) -> Row:
+def _row(search: CommandSearch, one: CommandTrial, unit: str) -> PlanRow:
     real = one.real is not None
     name = one.family.name
     distance = float(one.real.min()) if one.real is not None else np.nan
-    return Row(name, search.words(one, unit), one.peak, one.share, distance, real, one.family.texts, one.u)
+    return PlanRow(name, search.words(one, unit), one.peak, one.share, distance, real, one.family.texts, one.u)
 
 
 def _limits(limits: Limits, name: str) -> dict[str, float]:
@@ -266,7 +287,7 @@ def _limits(limits: Limits, name: str) -> dict[str, float]:
     return found | ({"slew": limits.slew} if np.isfinite(limits.slew) else {})
 
 
-def _visits(search: Search, best: Tried) -> dict[str, float]:
+def _visits(search: CommandSearch, best: CommandTrial) -> dict[str, float]:
     """Return the largest value of every limited quantity over all rivals' estimates."""
     runs = [search.bench.run(i, search.t, best.u) for i in range(len(search.bench.contenders))]
     found = dict.fromkeys(search.limits.states, 0.0)
@@ -278,4 +299,4 @@ def _visits(search: Search, best: Tried) -> dict[str, float]:
     return found
 
 
-__all__ = ["Wishes", "designed"]
+__all__ = ["ExperimentWishes", "designed"]

@@ -8,20 +8,20 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.criteria import DEFAULT
-from signlin_ros.diagnosis.motion.score import beyond_noise, gain, windowed
-from signlin_ros.experiment.distance import Bench, Pair
-from signlin_ros.follow.segments import Segment
+from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA
+from signlin_ros.diagnosis.output_error.score import beyond_noise, gain, windowed
+from signlin_ros.experiment.distance import Pair, RivalBench
+from signlin_ros.follow.segments import PreparedSegment
 
 Array = NDArray[np.float64]
 
 
-def seen_in_windows(bench: Bench, pairs: Sequence[Pair], t: Array, u: Array, seed: int) -> Array:
+def seen_in_windows(bench: RivalBench, pairs: Sequence[Pair], t: Array, u: Array, seed: int) -> Array:
     """Return by how many standard errors the true rival of each pair (pairs,) is better over windows of the horizon
     than the other one, refitted, as a diagnosis tells: of a second run by blocks, or of both runs beyond their noise.
     """
     problem, g = bench.problem, np.random.default_rng(seed)
-    segments: dict[int, Segment | None] = {}
+    segments: dict[int, PreparedSegment | None] = {}
     for i in {i for i, _ in pairs}:
         run = bench.run(i, t, u)
         segments[i] = None if run is None else bench.segment(i, run)
@@ -39,7 +39,9 @@ def seen_in_windows(bench: Bench, pairs: Sequence[Pair], t: Array, u: Array, see
             for c, x in ((true, true.theta), (other, theta))
         )
         noise = beyond_noise(b, a, np.full(a.shape[1], clean.t.size), np.ones(a.shape[1]))
-        found[k] = max(gain(b, a, problem.noise).certainty, noise * np.sqrt(2.0) if noise > DEFAULT.least else 0.0)
+        found[k] = max(
+            gain(b, a, problem.noise).certainty, noise * np.sqrt(2.0) if noise > DEFAULT_CRITERIA.least else 0.0
+        )
     return found
 
 

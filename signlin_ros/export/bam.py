@@ -10,7 +10,7 @@ from signlin_ros import __version__
 from signlin_ros.effects import find_effect, origin
 from signlin_ros.errors import ModelError
 from signlin_ros.export.bam_program import carried
-from signlin_ros.export.base import Array, Drive, Exported, Target, ranges, refuse_sensors
+from signlin_ros.export.base import Array, Exported, ExportedDrive, Target, ranges, refuse_sensors
 from signlin_ros.model import Model
 from signlin_ros.model.uses import is_sensor
 
@@ -57,7 +57,7 @@ def _load_stribeck(found: dict[str, float], p: Values) -> str:
     return said
 
 
-LAWS: dict[str, Put] = {
+BAM_LAWS: dict[str, Put] = {
     "coulomb_friction": _coulomb,
     "viscous_friction": _viscous,
     "stribeck_friction": _stribeck,
@@ -90,8 +90,8 @@ def numbers_of(model: Model, target: str) -> tuple[dict[str, float], str, list[s
             continue
         if origin(find_effect(use.type, "effects")) != "the catalogue":
             lost.append(f"{key}: a law of your own; BAM has its own laws only")
-        elif use.type in LAWS:
-            holds.append(f"{key}: {LAWS[use.type](found, use.parameters)}")
+        elif use.type in BAM_LAWS:
+            holds.append(f"{key}: {BAM_LAWS[use.type](found, use.parameters)}")
         else:
             lost.append(f"{key}: BAM has no term for it")
     name = "m1"
@@ -139,7 +139,7 @@ class Bam(Target):
 
     name, suffix, engine = "bam", ".json", "a program of BAM's published equations"
 
-    def write(self, model: Model, out: Path, drive: Drive) -> Exported:
+    def write(self, model: Model, out: Path, drive: ExportedDrive) -> Exported:
         """Write the file."""
         numbers, name, holds, lost = numbers_of(model, self.name)
         actuator = _actuator(model)
@@ -156,10 +156,10 @@ class Bam(Target):
         out.write_text(json.dumps(content, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
         return Exported((out,), tuple(holds), tuple(lost), {"model": name, "actuator": actuator})
 
-    def run(self, exported: Exported, model: Model, drive: Drive) -> dict[str, Array]:
+    def run(self, exported: Exported, model: Model, drive: ExportedDrive) -> dict[str, Array]:
         """Run the file's numbers with `bam_program`."""
         numbers = json.loads(exported.files[0].read_text(encoding="utf-8"))
-        late = Drive(drive.t, drive.u, drive.acts + model.delay, drive.x0)
+        late = ExportedDrive(drive.t, drive.u, drive.acts + model.delay, drive.x0)
         position, speed = carried(numbers, late, numbers["_about"]["bench"])
         return {"position": position, "speed": speed}
 

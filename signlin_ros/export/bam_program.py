@@ -12,10 +12,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from signlin_ros.export.base import Array, Drive
+from signlin_ros.export.base import Array, ExportedDrive
 
-GRAVITY = 9.80665
-STEP = 2e-4
+BAM_GRAVITY = 9.80665
+BAM_STEP = 2e-4
 """Longest step in s."""
 
 
@@ -30,19 +30,19 @@ def budget(p: Mapping[str, float], motor: float, load: float, speed: float) -> f
     return total + near * abs(sliding)
 
 
-def carried(p: Mapping[str, float], drive: Drive, ends: Mapping[str, float]) -> tuple[Array, Array]:
+def carried(p: Mapping[str, float], drive: ExportedDrive, ends: Mapping[str, float]) -> tuple[Array, Array]:
     """Return position and speed (T,) of a servo on an arm.
 
     ``p`` are the numbers of a BAM file, ``ends`` those of the bench: mass, length, arm_mass, inertia; the first input
     of ``drive`` is the goal.
     """
     inertia = p["armature"] + ends["inertia"] + (ends["mass"] + ends["arm_mass"] / 3) * ends["length"] ** 2
-    weight = (ends["mass"] + ends["arm_mass"] / 2) * GRAVITY * ends["length"]
+    weight = (ends["mass"] + ends["arm_mass"] / 2) * BAM_GRAVITY * ends["length"]
     q, w = float(drive.x0[0]), float(drive.x0[1])
     found = np.empty((drive.t.size, 2))
     found[0] = q, w
     for k, span in enumerate(np.diff(drive.t).tolist()):
-        count = max(1, math.ceil(span / STEP))
+        count = max(1, math.ceil(span / BAM_STEP))
         h = span / count
         for goal in drive.input_at(drive.t[k] + h * np.arange(count))[:, 0].tolist():
             duty = max(-p["max_pwm"], min(p["max_pwm"], p["kp"] * p["error_gain"] * (goal - q)))

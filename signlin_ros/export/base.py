@@ -24,7 +24,7 @@ class NotRunError(Exception):
 
 
 @dataclass(frozen=True)
-class Drive:
+class ExportedDrive:
     """What a run is driven with: t (T,) s, u (T, m), from when each row acts (T,) s, and the state x0 (n,) at t[0]."""
 
     t: Array
@@ -60,11 +60,11 @@ class Target:
     """What runs the file."""
     smooth: ClassVar[bool] = False
 
-    def write(self, model: Model, out: Path, drive: Drive) -> Exported:
+    def write(self, model: Model, out: Path, drive: ExportedDrive) -> Exported:
         """Write a model to ``out``; settings that have to be measured are, on ``drive``. Raises `ModelError`."""
         raise NotImplementedError
 
-    def run(self, exported: Exported, model: Model, drive: Drive) -> dict[str, Array]:
+    def run(self, exported: Exported, model: Model, drive: ExportedDrive) -> dict[str, Array]:
         """Return the states (T,) by name as the target's own engine finds them.
 
         Raises `NotRunError` where there is no such engine.
@@ -152,8 +152,8 @@ def ranges(model: Model) -> dict[str, tuple[float, float]]:
 
 __all__ = [
     "Array",
-    "Drive",
     "Exported",
+    "ExportedDrive",
     "NotRunError",
     "Target",
     "constant_note",

@@ -14,8 +14,8 @@ import numpy as np
 
 from signlin_ros.export.base import (
     Array,
-    Drive,
     Exported,
+    ExportedDrive,
     NotRunError,
     Target,
     heading,
@@ -27,7 +27,7 @@ from signlin_ros.export.base import (
 from signlin_ros.export.compiler import build
 from signlin_ros.export.functions import friction, identifier, linear_rows, smooth_rates, texts
 from signlin_ros.export.lines import C, number, written
-from signlin_ros.export.longest import ACCURATE, STEPS, longest_step
+from signlin_ros.export.longest import ACCURATE, STEPS_TRIED, longest_step
 from signlin_ros.model import Model
 from signlin_ros.sign import sign_j_expression
 from signlin_ros.simulation import simulate
@@ -76,13 +76,13 @@ def _function(signature: str, function: ca.Function, names: list[str], stores: l
     """Return a C function that stores each output; ``stores`` are templates of one value."""
     lines, values = written(function, names, C)
     used = _words(" ".join([*lines, *values]))
-    quiet = [f"(void){n};" for n in _INPUTS.findall(signature) if n not in used]
+    quiet = [f"(void){n};" for n in _ARGUMENTS.findall(signature) if n not in used]
     rows = [store.format(value=value) for store, value in zip(stores, values, strict=True)]
     inner = "\n".join(f"    {line}" for line in (*lines, *quiet, *rows, *([ends] if ends else [])))
     return f"{signature}\n{{\n{inner}\n}}"
 
 
-_INPUTS = re.compile(r"(?:const double|[(,] ?double) (x|u|q|dq|tau|z)\b")
+_ARGUMENTS = re.compile(r"(?:const double|[(,] ?double) (x|u|q|dq|tau|z)\b")
 
 
 def _words(text: str) -> set[str]:
@@ -94,7 +94,7 @@ class CSource(Target):
 
     name, suffix, engine, smooth = "c", ".c", "the C compiler of this machine", True
 
-    def write(self, model: Model, out: Path, drive: Drive) -> Exported:
+    def write(self, model: Model, out: Path, drive: ExportedDrive) -> Exported:
         """Write ``out`` and its header; the longest step of `step` is measured on ``drive``."""
         refuse_imposed(model, self.name)
         name, header = prefix_of(model, out), out.with_suffix(".h")
@@ -113,27 +113,29 @@ class CSource(Target):
         holds = ("f_j, A_k, B_k, c, sign_j as recorded", *(("friction(q, dq, tau)",) if own is not None else ()))
         return Exported((out, header), holds, tuple(lost), {"longest step in s": f"{step:g}"})
 
-    def run(self, exported: Exported, model: Model, drive: Drive) -> dict[str, Array]:
+    def run(self, exported: Exported, model: Model, drive: ExportedDrive) -> dict[str, Array]:
         """Compile and step it with at most the longest step."""
         step = float(exported.settings["longest step in s"])
         found = _stepper(model, exported.files[0])(drive, step)
         return {state: found[:, i] for i, state in enumerate(model.states)}
 
 
-def _accurate(model: Model, out: Path, drive: Drive, step: float) -> float:
-    """Return the longest of `STEPS`, from a first guess on, whose compiled run is our smooth run to `ACCURATE`."""
+def _accurate(model: Model, out: Path, drive: ExportedDrive, step: float) -> float:
+    """Return the longest of `STEPS_TRIED`, from a first guess on, whose compiled run is our smooth run to
+    `ACCURATE`.
+    """
     ours = simulate(model, drive.t, drive.u, drive.x0, kind="smooth", rtol=1e-9, acts=drive.acts)
     size = np.sqrt(np.mean(ours.x**2, axis=0)) + 1e-300
     stepper = _stepper(model, out)
-    for tried in (s for s in STEPS if s <= step):
+    for tried in (s for s in STEPS_TRIED if s <= step):
         with np.errstate(all="ignore"):
             error = np.sqrt(np.mean((stepper(drive, tried) - ours.x) ** 2, axis=0)) / size
         if np.isfinite(error).all() and error.max() <= ACCURATE:
             return tried
-    return STEPS[-1]
+    return STEPS_TRIED[-1]
 
 
-def _stepper(model: Model, out: Path) -> Callable[[Drive, float], Array]:
+def _stepper(model: Model, out: Path) -> Callable[[ExportedDrive, float], Array]:
     """Return what carries the compiled file along a drive by steps of at most so many s: states (T, n).
 
     Raises `NotRunError` without a compiler.
@@ -147,7 +149,7 @@ def _stepper(model: Model, out: Path) -> Callable[[Drive, float], Array]:
         run = ctypes.CDLL(str(library)).run
     pointer = ctypes.POINTER(ctypes.c_double)
 
-    def steps(drive: Drive, step: float) -> Array:
+    def steps(drive: ExportedDrive, step: float) -> Array:
         times, rows = _grid(drive, model.delay)
         dt, u, x = np.diff(times), np.ascontiguousarray(drive.u[rows[:-1]]), np.zeros((times.size, n))
         x[0] = drive.x0
@@ -162,7 +164,7 @@ def _stepper(model: Model, out: Path) -> Callable[[Drive, float], Array]:
     return steps
 
 
-def _grid(drive: Drive, delay: float) -> tuple[Array, np.ndarray]:
+def _grid(drive: ExportedDrive, delay: float) -> tuple[Array, np.ndarray]:
     """Return all times at which a sample is wanted or an input changes (K,), and the row of the input from each on."""
     breaks = drive.acts + delay
     inside = breaks[(breaks > drive.t[0]) & (breaks < drive.t[-1])]

@@ -8,13 +8,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from signlin_ros.export.base import Array, Drive, Exported, Target, refuse_imposed, refuse_sensors
+from signlin_ros.export.base import Array, Exported, ExportedDrive, Target, refuse_imposed, refuse_sensors
 from signlin_ros.export.functions import smooth_rates, texts
 from signlin_ros.export.lines import CASADI
 from signlin_ros.export.python_text import docstring, function_text, loaded, names_of, numbers
 from signlin_ros.model import Model
 
-_TAIL = '''def dynamics():
+_CASADI_TAIL = '''def dynamics():
     """Return the function (x, u, p) -> x'; p (np,) in the order of PARAMETERS."""
     x, u = ca.SX.sym("x", len(STATES)), ca.SX.sym("u", len(INPUTS))
     p = ca.SX.sym("p", len(PARAMETERS))
@@ -48,10 +48,10 @@ def said_lost(model: Model) -> tuple[str, ...]:
     return tuple(lost)
 
 
-def integrated(f: Any, drive: Drive, delay: float) -> Array:
+def integrated(f: Any, drive: ExportedDrive, delay: float) -> Array:
     """Return states (T, n) of x' = f(x, u), a CasADi function, by CVODES, inputs held."""
     n, m = drive.x0.size, drive.u.shape[1]
-    late = Drive(drive.t, drive.u, drive.acts + delay, drive.x0)
+    late = ExportedDrive(drive.t, drive.u, drive.acts + delay, drive.x0)
     breaks = np.unique(np.concatenate([drive.t, drive.acts + delay]))
     breaks = breaks[(breaks >= drive.t[0]) & (breaks <= drive.t[-1])]
     x, q = ca.SX.sym("x", n), ca.SX.sym("q", m + 1)
@@ -68,15 +68,15 @@ class CasadiModel(Target):
 
     name, suffix, engine, smooth = "casadi", ".py", "CasADi's CVODES", True
 
-    def write(self, model: Model, out: Path, drive: Drive) -> Exported:
+    def write(self, model: Model, out: Path, drive: ExportedDrive) -> Exported:
         """Write the file."""
         refuse_imposed(model, self.name)
         what = "A model for CasADi: `dynamics()` is the function (x, u, p) -> x'; NOMINAL are its parameters."
         parts = [docstring(model, what), "import casadi as ca", numbers(model), names_of(model)]
-        out.write_text("\n\n".join([*parts, rates_text(model), _TAIL]), encoding="utf-8")
+        out.write_text("\n\n".join([*parts, rates_text(model), _CASADI_TAIL]), encoding="utf-8")
         return Exported((out,), ("f_j as recorded",), said_lost(model))
 
-    def run(self, exported: Exported, model: Model, drive: Drive) -> dict[str, Array]:
+    def run(self, exported: Exported, model: Model, drive: ExportedDrive) -> dict[str, Array]:
         """Integrate it with CVODES."""
         file = loaded(exported.files[0])
         function, nominal = file["dynamics"](), file["NOMINAL"]

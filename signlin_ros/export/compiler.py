@@ -13,7 +13,7 @@ from pathlib import Path
 
 from signlin_ros.export.base import NotRunError
 
-STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror")
+STRICT_FLAGS = ("-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror")
 """What exported C is clean under."""
 
 
@@ -38,10 +38,21 @@ def zig() -> list[str]:
 
 def build(sources: Sequence[Path], library: Path, options: Sequence[str] = ()) -> None:
     """Compile C sources into a shared library; raise `NotRunError` with the compiler's words if that fails."""
-    command = [*compiler(), *STRICT, "-O2", "-fPIC", "-shared", *options, *map(str, sources), "-o", str(library), "-lm"]
+    command = [
+        *compiler(),
+        *STRICT_FLAGS,
+        "-O2",
+        "-fPIC",
+        "-shared",
+        *options,
+        *map(str, sources),
+        "-o",
+        str(library),
+        "-lm",
+    ]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
         raise NotRunError(f"the C compiler says: {done.stderr.strip()[:300]}")
 
 
-__all__ = ["STRICT", "build", "compiler", "zig"]
+__all__ = ["STRICT_FLAGS", "build", "compiler", "zig"]

@@ -9,12 +9,12 @@ from typing import Any
 
 import casadi as ca
 
-from signlin_ros.export.base import Array, Drive, Exported, NotRunError, Target, refuse_imposed
+from signlin_ros.export.base import Array, Exported, ExportedDrive, NotRunError, Target, refuse_imposed
 from signlin_ros.export.casadi_model import integrated, rates_text, said_lost
 from signlin_ros.export.python_text import docstring, loaded, names_of, numbers
 from signlin_ros.model import Model
 
-_TAIL = '''def model():
+_DO_MPC_TAIL = '''def model():
     """Return the do_mpc model; states and inputs have their names with underscores for dots."""
     found = do_mpc.model.Model("continuous")
     x = [found.set_variable("_x", name.replace(".", "_")) for name in STATES]
@@ -31,15 +31,15 @@ class DoMpcModel(Target):
 
     name, suffix, engine, smooth = "do-mpc", ".py", "do-mpc's right-hand side and CVODES", True
 
-    def write(self, model: Model, out: Path, drive: Drive) -> Exported:
+    def write(self, model: Model, out: Path, drive: ExportedDrive) -> Exported:
         """Write the file."""
         refuse_imposed(model, self.name)
         what = "A model for do-mpc: `model()` is continuous, with the numbers of PARAMETERS in it."
         parts = [docstring(model, what), "import casadi as ca\nimport do_mpc", numbers(model), names_of(model)]
-        out.write_text("\n\n".join([*parts, rates_text(model), _TAIL]), encoding="utf-8")
+        out.write_text("\n\n".join([*parts, rates_text(model), _DO_MPC_TAIL]), encoding="utf-8")
         return Exported((out,), ("f_j as recorded",), said_lost(model))
 
-    def run(self, exported: Exported, model: Model, drive: Drive) -> dict[str, Array]:
+    def run(self, exported: Exported, model: Model, drive: ExportedDrive) -> dict[str, Array]:
         """Integrate the right-hand side that do-mpc has made of it."""
         if importlib.util.find_spec("do_mpc") is None:
             raise NotRunError("do-mpc is not installed (pip install do-mpc)")

@@ -15,8 +15,8 @@ import numpy as np
 
 from signlin_ros.export.base import (
     Array,
-    Drive,
     Exported,
+    ExportedDrive,
     NotRunError,
     Target,
     constant_note,
@@ -38,7 +38,7 @@ class Fmu(Target):
 
     name, suffix, engine, smooth = "fmu", ".fmu", "fmpy", True
 
-    def write(self, model: Model, out: Path, drive: Drive) -> Exported:
+    def write(self, model: Model, out: Path, drive: ExportedDrive) -> Exported:
         """Write the unit: description, sources, and a binary for this machine where there is a compiler."""
         refuse_imposed(model, self.name)
         name = identifier(out.stem)
@@ -62,7 +62,7 @@ class Fmu(Target):
             (out,), ("f_j as recorded, its parameters settable",), tuple(lost), {"FMI": "2.0", "binary": built}
         )
 
-    def run(self, exported: Exported, model: Model, drive: Drive) -> dict[str, Array]:
+    def run(self, exported: Exported, model: Model, drive: ExportedDrive) -> dict[str, Array]:
         """Run it with FMPy, step by step, inputs held."""
         try:
             from fmpy import extract, read_model_description
@@ -86,11 +86,11 @@ class Fmu(Target):
             shutil.rmtree(folder, ignore_errors=True)
 
 
-def _driven(unit: object, model: Model, drive: Drive) -> dict[str, Array]:
+def _driven(unit: object, model: Model, drive: ExportedDrive) -> dict[str, Array]:
     """Return the states (T,) by name of a unit driven step by step."""
     n, m = len(model.states), len(model.inputs)
     states, inputs = list(range(n)), list(range(2 * n, 2 * n + m))
-    late = Drive(drive.t, drive.u, drive.acts + model.delay, drive.x0)
+    late = ExportedDrive(drive.t, drive.u, drive.acts + model.delay, drive.x0)
     breaks = np.unique(np.concatenate([drive.t, drive.acts + model.delay]))
     breaks = breaks[(breaks >= drive.t[0]) & (breaks <= drive.t[-1])]
     u = late.input_at(breaks)
@@ -111,7 +111,7 @@ def _driven(unit: object, model: Model, drive: Drive) -> dict[str, Array]:
     return {name: found[rows, i] for i, name in enumerate(model.states)}
 
 
-def _model_header(model: Model, drive: Drive) -> str:
+def _model_header(model: Model, drive: ExportedDrive) -> str:
     """Return model.h: sizes, the values at the start, and the rates."""
     from signlin_ros.export.loss import reference
 

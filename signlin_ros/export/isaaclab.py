@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from signlin_ros.export.bam import bench_of, loop_of, numbers_of
-from signlin_ros.export.bam_program import GRAVITY, STEP, carried
-from signlin_ros.export.base import Array, Drive, Exported, Target
+from signlin_ros.export.bam_program import BAM_GRAVITY, BAM_STEP, carried
+from signlin_ros.export.base import Array, Exported, ExportedDrive, Target
 from signlin_ros.export.lines import number
 from signlin_ros.export.python_text import docstring, loaded, names_of, numbers
 from signlin_ros.model import Model
@@ -21,7 +21,7 @@ class IsaacLab(Target):
 
     name, suffix, engine = "isaaclab", ".py", "a program of the published equations"
 
-    def write(self, model: Model, out: Path, drive: Drive) -> Exported:
+    def write(self, model: Model, out: Path, drive: ExportedDrive) -> Exported:
         """Write the file; `DATA` in it are the same numbers without Isaac Lab."""
         found, variant, holds, lost = numbers_of(model, self.name)
         loop = loop_of(model)
@@ -56,24 +56,24 @@ class IsaacLab(Target):
             (out,), tuple(holds), tuple(lost), {"class": "BamActuatorCfg" if bam else "ImplicitActuatorCfg"}
         )
 
-    def run(self, exported: Exported, model: Model, drive: Drive) -> dict[str, Array]:
+    def run(self, exported: Exported, model: Model, drive: ExportedDrive) -> dict[str, Array]:
         """Run the numbers of the file."""
         file = loaded(exported.files[0])
         data, ends = file["DATA"], file["BENCH"]
-        late = Drive(drive.t, drive.u, drive.acts + model.delay, drive.x0)
+        late = ExportedDrive(drive.t, drive.u, drive.acts + model.delay, drive.x0)
         position, speed = carried(data, late, ends) if data["variant"] != "pd" else _pd(data, late, ends)
         return {"position": position, "speed": speed}
 
 
-def _pd(p: dict[str, float], drive: Drive, ends: dict[str, float]) -> tuple[Array, Array]:
+def _pd(p: dict[str, float], drive: ExportedDrive, ends: dict[str, float]) -> tuple[Array, Array]:
     """Return position and speed (T,) of a PD drive whose effort is limited, with dry and viscous friction."""
     inertia = p["armature"] + ends["inertia"] + (ends["mass"] + ends["arm_mass"] / 3) * ends["length"] ** 2
-    weight = (ends["mass"] + ends["arm_mass"] / 2) * GRAVITY * ends["length"]
+    weight = (ends["mass"] + ends["arm_mass"] / 2) * BAM_GRAVITY * ends["length"]
     q, w = float(drive.x0[0]), float(drive.x0[1])
     found = np.empty((drive.t.size, 2))
     found[0] = q, w
     for k, span in enumerate(np.diff(drive.t).tolist()):
-        count = max(1, math.ceil(span / STEP))
+        count = max(1, math.ceil(span / BAM_STEP))
         h = span / count
         for goal in drive.input_at(drive.t[k] + h * np.arange(count))[:, 0].tolist():
             effort = p["stiffness"] * (goal - q) - p["damping"] * w

@@ -15,7 +15,7 @@ import casadi as ca
 from signlin_ros.engine.tape import Tape
 
 _INFIX = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*", ca.OP_DIV: "/"}
-_COMPARED = {ca.OP_LT: "<", ca.OP_LE: "<=", ca.OP_EQ: "==", ca.OP_NE: "!="}
+_COMPARISONS = {ca.OP_LT: "<", ca.OP_LE: "<=", ca.OP_EQ: "==", ca.OP_NE: "!="}
 _CALLED = {
     ca.OP_EXP: "exp",
     ca.OP_LOG: "log",
@@ -37,7 +37,7 @@ _CALLED = {
     ca.OP_LOG1P: "log1p",
     ca.OP_EXPM1: "expm1",
 }
-LONGEST = 60
+MAX_INLINE_LENGTH = 60
 """An expression that is used once is written where it is used, if it is no longer than so many letters."""
 
 
@@ -61,8 +61,8 @@ class Dialect:
             return f"({a} {_INFIX[op]} {b})"
         if op in _CALLED:
             return f"{self.prefix}{_CALLED[op]}({a})"
-        if op in _COMPARED:
-            return f"({a} {_COMPARED[op]} {b})"
+        if op in _COMPARISONS:
+            return f"({a} {_COMPARISONS[op]} {b})"
         plain = {ca.OP_ASSIGN: a, ca.OP_NEG: f"(-{a})", ca.OP_SQ: f"({a} * {a})", ca.OP_TWICE: f"(2.0 * {a})"}
         if op in plain:
             return plain[op]
@@ -71,7 +71,7 @@ class Dialect:
         raise NotImplementedError(f"CasADi operation {op}")
 
 
-_C = {op: f"({{a}} {sign} {{b}} ? 1.0 : 0.0)" for op, sign in _COMPARED.items()}
+_C = {op: f"({{a}} {sign} {{b}} ? 1.0 : 0.0)" for op, sign in _COMPARISONS.items()}
 C = Dialect(
     "",
     "const double {name} = {value};",
@@ -93,8 +93,8 @@ C = Dialect(
         ca.OP_HYPOT: "hypot({a}, {b})",
     },
 )
-_ARRAYS = {op: f"1.0 * ({{a}} {sign} {{b}})" for op, sign in _COMPARED.items()}
-_BOTH = {
+_ARRAY_COMPARISONS = {op: f"1.0 * ({{a}} {sign} {{b}})" for op, sign in _COMPARISONS.items()}
+_BINARY_OPERATIONS = {
     ca.OP_POW: "({a} ** {b})",
     ca.OP_CONSTPOW: "({a} ** {b})",
     ca.OP_FABS: "abs({a})",
@@ -102,8 +102,8 @@ _BOTH = {
 NUMPY = Dialect(
     "np.",
     "{name} = {value}",
-    {op: f"({text})" for op, text in _ARRAYS.items()}
-    | _BOTH
+    {op: f"({text})" for op, text in _ARRAY_COMPARISONS.items()}
+    | _BINARY_OPERATIONS
     | {
         ca.OP_ASIN: "np.arcsin({a})",
         ca.OP_ACOS: "np.arccos({a})",
@@ -127,7 +127,7 @@ NUMPY = Dialect(
 CASADI = Dialect(
     "ca.",
     "{name} = {value}",
-    _BOTH
+    _BINARY_OPERATIONS
     | {
         ca.OP_NOT: "ca.logic_not({a})",
         ca.OP_AND: "ca.logic_and({a}, {b})",
@@ -185,7 +185,7 @@ def written(function: ca.Function, names: Sequence[str], dialect: Dialect) -> tu
             texts.append("")
             continue
         text = dialect.spelt(int(op), texts[a], texts[b])
-        if used[base + k] > 1 or len(text) > LONGEST:
+        if used[base + k] > 1 or len(text) > MAX_INLINE_LENGTH:
             name = f"w{k}"
             lines.append(dialect.line.format(name=name, value=text))
             text = name

@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from signlin_ros.engine.tape import Tape
-from signlin_ros.export.base import Array, Drive
+from signlin_ros.export.base import Array, ExportedDrive
 from signlin_ros.export.functions import constants, smooth_rates
 from signlin_ros.model import Model
 
-STEPS = (5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 2e-5, 1e-5)
+STEPS_TRIED = (5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 2e-5, 1e-5)
 """Steps in s that are tried, from the longest on."""
 ACCURATE = 1e-3
 """A step is taken if it and its half differ by no more than this part of a state's RMS."""
 
 
-def longest_step(model: Model, drive: Drive) -> float:
-    """Return the longest of `STEPS` at which the classical Runge-Kutta method of order 4 is accurate on a drive.
+def longest_step(model: Model, drive: ExportedDrive) -> float:
+    """Return the longest of `STEPS_TRIED` at which the classical Runge-Kutta method of order 4 is accurate on a drive.
 
     The states of the smooth run are carried on by one step and by two halves of it, from each sample; stability is
     told by the eigenvalues of the Jacobian there.
@@ -30,7 +30,7 @@ def longest_step(model: Model, drive: Drive) -> float:
     A = Linearizer(model.with_options(operating_point="start"), "jacobian").batch(x, u).A
     fastest = float(np.abs(np.linalg.eigvals(A)).max())
     size = np.sqrt(np.mean(path.x**2, axis=0)) + 1e-12
-    for step in STEPS:
+    for step in STEPS_TRIED:
         if fastest * step > 2.5:
             continue
         whole = _rk4(model, x, u, step)
@@ -38,7 +38,7 @@ def longest_step(model: Model, drive: Drive) -> float:
         error = np.sqrt(np.mean((whole - half) ** 2, axis=0)) / size
         if np.isfinite(error).all() and error.max() <= ACCURATE * min(1.0, 100 * step):
             return step
-    return STEPS[-1]
+    return STEPS_TRIED[-1]
 
 
 def _rk4(model: Model, x: Array, u: Array, dt: float) -> Array:
@@ -56,4 +56,4 @@ def _rk4(model: Model, x: Array, u: Array, dt: float) -> Array:
     return x + dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
 
 
-__all__ = ["ACCURATE", "STEPS", "longest_step"]
+__all__ = ["ACCURATE", "STEPS_TRIED", "longest_step"]

@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from signlin_ros.export.base import Array, Drive, Exported, NotRunError, Target
+from signlin_ros.export.base import Array, Exported, ExportedDrive, NotRunError, Target
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.simulation import Trajectory, simulate
 
 
 @dataclass(frozen=True)
-class Channel:
+class ChannelLoss:
     """RMS errors of one channel, in its unit.
 
     ``ours`` and ``target`` are against the measurement, or, without one, against our exact model (so ours is 0);
@@ -33,13 +33,13 @@ class Channel:
 class Loss:
     """Channels by name; ``against`` says what ours and target are against, ``not_run`` why there is nothing."""
 
-    channels: Mapping[str, Channel] = field(default_factory=dict)
+    channels: Mapping[str, ChannelLoss] = field(default_factory=dict)
     against: str = ""
     not_run: str = ""
     diverges: bool = False
 
 
-def drive_of(model: Model, data: ModelData) -> Drive:
+def drive_of(model: Model, data: ModelData) -> ExportedDrive:
     """Return what a record drives a model with; a state that is not measured begins as the model says.
 
     A speed that is not measured begins as the measured position does.
@@ -59,16 +59,16 @@ def drive_of(model: Model, data: ModelData) -> Drive:
     if data.x0 is not None:
         start = np.array(data.x0)
     acts = t if data.acts is None else np.asarray(data.acts)
-    return Drive(t, np.asarray(data.u), acts, model.true_states(start))
+    return ExportedDrive(t, np.asarray(data.u), acts, model.true_states(start))
 
 
-def reference(model: Model, drive: Drive) -> Trajectory:
+def reference(model: Model, drive: ExportedDrive) -> Trajectory:
     """Return the run of our exact model."""
     return simulate(model, drive.t, drive.u, drive.x0, acts=drive.acts)
 
 
 def measure(
-    target: Target, exported: Exported, model: Model, drive: Drive, measured: Mapping[str, Array] | None = None
+    target: Target, exported: Exported, model: Model, drive: ExportedDrive, measured: Mapping[str, Array] | None = None
 ) -> Loss:
     """Run an exported file in its target and compare it with our exact model, and with what was measured."""
     try:
@@ -91,12 +91,12 @@ def _motion(model: Model) -> list[str]:
     return [name for name in known if name in model.states]
 
 
-def _channel(model: Model, name: str, ours: Array, found: Array, measured: Array | None) -> Channel:
+def _channel(model: Model, name: str, ours: Array, found: Array, measured: Array | None) -> ChannelLoss:
     size, difference = _rms(ours), _rms(found - ours)
     if measured is None:
-        return Channel(model.units[name], 0.0, difference, difference, 100 * difference / size if size else 0.0)
+        return ChannelLoss(model.units[name], 0.0, difference, difference, 100 * difference / size if size else 0.0)
     errors = [_rms(model.sensors[name].show(values) - measured) for values in (ours, found)]
-    return Channel(model.units[name], errors[0], errors[1], difference, 100 * difference / size if size else 0.0)
+    return ChannelLoss(model.units[name], errors[0], errors[1], difference, 100 * difference / size if size else 0.0)
 
 
 def _rms(values: Any) -> float:
@@ -105,4 +105,4 @@ def _rms(values: Any) -> float:
         return float(np.sqrt(np.nanmean(values**2)) if np.isfinite(values).any() else np.nan)
 
 
-__all__ = ["Channel", "Loss", "drive_of", "measure", "reference"]
+__all__ = ["ChannelLoss", "Loss", "drive_of", "measure", "reference"]

@@ -18,7 +18,7 @@ from signlin_ros.export.functions import without
 from signlin_ros.export.loss import reference
 from signlin_ros.model import Model
 
-SIZES: dict[str, dict[str, Any]] = {
+EFFECT_SIZES: dict[str, dict[str, Any]] = {
     "viscous_friction": {"b": 0.005},
     "coulomb_friction": {"mu": 0.033},
     "stribeck_friction": {"mu": 0.03, "excess": 0.02, "v_s": 1.0},
@@ -98,7 +98,7 @@ def models(base: Model | None = None) -> Iterator[tuple[str, Model | str]]:
             yield name, "needs a record of its own"
             continue
         try:
-            found = base.with_effect(name, **SIZES.get(name, {}))
+            found = base.with_effect(name, **EFFECT_SIZES.get(name, {}))
             own = {state: OWN for state in found.states if "." in state}
             if base.operating_range:
                 found = found.with_options(operating_range={**own, **base.operating_range})

@@ -12,8 +12,8 @@ from signlin_ros.effects import find_effect, origin
 from signlin_ros.errors import ModelError, choices
 from signlin_ros.export.base import (
     Array,
-    Drive,
     Exported,
+    ExportedDrive,
     NotRunError,
     Target,
     heading,
@@ -23,8 +23,8 @@ from signlin_ros.export.base import (
     table_of_parameters,
 )
 from signlin_ros.export.loss import reference
-from signlin_ros.export.mjcf_laws import LAWS, PLANTS
-from signlin_ros.export.mjcf_parts import LostError, Parts, Setting, document
+from signlin_ros.export.mjcf_laws import MJCF_LAWS, MJCF_PLANTS
+from signlin_ros.export.mjcf_parts import LostError, MjcfParts, Setting, document
 from signlin_ros.export.mjcf_run import run
 from signlin_ros.export.nearest import nearest_friction
 from signlin_ros.model import Model
@@ -34,28 +34,28 @@ from signlin_ros.simulation import Trajectory
 TIMESTEPS = (2e-3, 1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 2e-5)
 """Steps in s that are tried, from MuJoCo's own on."""
 INTEGRATORS = ("implicitfast", "Euler", "RK4")
-GOOD = 0.01
+MAX_GOOD_LOSS = 0.01
 """The first setting whose speed is off by no more than this part of its RMS is taken, else the best."""
 TRAP = 0.05
 """A setting of the same step that is off by more than this is warned of in the file."""
-WORTH = 0.9
+MAX_BETTER_RATIO = 0.9
 """Another setting is better if its error is below this part of the best so far."""
 STIFFER = (1.0, 10.0, 100.0)
 """Stiffness of bristles that stand for a sign, relative to the first choice."""
 
 
-def parts_of(model: Model, travel: float, speed: float, bristle: float = 1.0) -> Parts:
+def parts_of(model: Model, travel: float, speed: float, bristle: float = 1.0) -> MjcfParts:
     """Return a model's plant and effects as MJCF has them; what it has no element for is in ``lost``.
 
     Raises `ModelError` for a plant that MJCF cannot hold.
     """
     refuse_imposed(model, "mjcf")
-    if model.plant.name not in PLANTS:
-        raise ModelError(f"{model.source}: --to mjcf holds the plants {choices(PLANTS)}; found {model.plant.name}")
-    put, inertia = PLANTS[model.plant.name]
+    if model.plant.name not in MJCF_PLANTS:
+        raise ModelError(f"{model.source}: --to mjcf holds the plants {choices(MJCF_PLANTS)}; found {model.plant.name}")
+    put, inertia = MJCF_PLANTS[model.plant.name]
     values = dict(model.parameters)
     own = values[inertia] if inertia else values["J"] + values["inertia"]
-    parts = Parts(bool(model.is_rotary), own, travel, speed, bristle=bristle)
+    parts = MjcfParts(bool(model.is_rotary), own, travel, speed, bristle=bristle)
     put(parts, values, model)
     for name, taken in model.plant.built_in.items():
         _put(parts, name, name, {n: values[n] for n in (*taken, "k") if n in values})
@@ -67,7 +67,7 @@ def parts_of(model: Model, travel: float, speed: float, bristle: float = 1.0) ->
     return parts
 
 
-def _put(parts: Parts, key: str, type: str, values: dict[str, float]) -> None:
+def _put(parts: MjcfParts, key: str, type: str, values: dict[str, float]) -> None:
     """Put one effect into the parts, or say why it is lost."""
     own = origin(find_effect(type, "effects"))
     if own != "the catalogue":
@@ -75,11 +75,11 @@ def _put(parts: Parts, key: str, type: str, values: dict[str, float]) -> None:
             f"{key}: a law of your own ({own}); MJCF has its own laws only (c, fmu and casadi hold yours)"
         )
         return
-    if type not in LAWS:
+    if type not in MJCF_LAWS:
         parts.lost.append(f"{key}: MJCF has no element for it")
         return
     try:
-        parts.holds.append(f"{key}: {LAWS[type](parts, values, key)}")
+        parts.holds.append(f"{key}: {MJCF_LAWS[type](parts, values, key)}")
     except LostError as error:
         parts.lost.append(f"{key}: {error}")
         parts.unheld.append(key)
@@ -90,7 +90,7 @@ class Mjcf(Target):
 
     name, suffix, engine = "mjcf", ".xml", "mujoco"
 
-    def write(self, model: Model, out: Path, drive: Drive) -> Exported:
+    def write(self, model: Model, out: Path, drive: ExportedDrive) -> Exported:
         """Write the file; integrator, time step and free stiffnesses are those that run best on ``drive``."""
         ours = reference(model, drive)
         speed = ours[model.plant.velocity]
@@ -103,13 +103,13 @@ class Mjcf(Target):
         out.write_text(text, encoding="utf-8")
         return Exported((out,), (f"{model.plant.name}: {parts.kind}", *parts.holds), tuple(parts.lost), settings)
 
-    def run(self, exported: Exported, model: Model, drive: Drive) -> dict[str, Array]:
+    def run(self, exported: Exported, model: Model, drive: ExportedDrive) -> dict[str, Array]:
         """Step it in MuJoCo."""
         parts = parts_of(model, 1.0, 1.0)
         return run(exported.files[0].read_text(encoding="utf-8"), parts, model, drive)
 
 
-def _error(model: Model, parts: Parts, setting: Setting, drive: Drive, speed: Array) -> float:
+def _error(model: Model, parts: MjcfParts, setting: Setting, drive: ExportedDrive, speed: Array) -> float:
     """Return how far a setting is off: RMS of the speed relative to that of our exact model; inf where it diverges."""
     result = run(document("trial", parts, setting, []), parts, model, drive)[model.plant.velocity]
     with np.errstate(all="ignore"):
@@ -118,15 +118,15 @@ def _error(model: Model, parts: Parts, setting: Setting, drive: Drive, speed: Ar
 
 
 def _best(
-    model: Model, sizes: tuple[float, float], drive: Drive, path: Trajectory
-) -> tuple[Parts, Setting, float | None]:
+    model: Model, sizes: tuple[float, float], drive: ExportedDrive, path: Trajectory
+) -> tuple[MjcfParts, Setting, float | None]:
     """Return the first setting that is good, from the longest step on, else the best; None: it was not run."""
     tried = [parts_of(model, *sizes)]
     if tried[0].bristle_is_free:
         tried += [parts_of(model, *sizes, bristle=b) for b in STIFFER[1:]]
     tried += [_with_nearest(p, model, path) for p in tried if p.unheld]
     step, speed = float(np.median(np.diff(drive.t))), path[model.plant.velocity]
-    best: tuple[float, Parts, Setting] = (np.inf, tried[0], Setting("implicitfast", min(TIMESTEPS[0], step)))
+    best: tuple[float, MjcfParts, Setting] = (np.inf, tried[0], Setting("implicitfast", min(TIMESTEPS[0], step)))
     try:
         for timestep in TIMESTEPS:
             before = best[0]
@@ -134,9 +134,9 @@ def _best(
                 for parts in tried:
                     setting = Setting(integrator, min(timestep, step))
                     error = _error(model, parts, setting, drive, speed)
-                    if error < WORTH * best[0]:
+                    if error < MAX_BETTER_RATIO * best[0]:
                         best = (error, parts, setting)
-                    if error <= GOOD:
+                    if error <= MAX_GOOD_LOSS:
                         return parts, setting, error
             if before < np.inf and best[0] == before:
                 break  # a shorter step is not worth its time
@@ -145,7 +145,7 @@ def _best(
     return best[1], best[2], best[0]
 
 
-def _with_nearest(parts: Parts, model: Model, path: Trajectory) -> Parts:
+def _with_nearest(parts: MjcfParts, model: Model, path: Trajectory) -> MjcfParts:
     """Return parts in which dry and viscous friction stand for what is not held, as they come nearest on this run."""
     found = copy.deepcopy(parts)
     for key in parts.unheld:
@@ -160,7 +160,7 @@ def _with_nearest(parts: Parts, model: Model, path: Trajectory) -> Parts:
 
 
 def _said(
-    model: Model, parts: Parts, setting: Setting, found: float | None, drive: Drive, speed: Array
+    model: Model, parts: MjcfParts, setting: Setting, found: float | None, drive: ExportedDrive, speed: Array
 ) -> tuple[list[str], dict[str, str]]:
     """Return what is said of the setting, and that of others which would be wrong without a word."""
     settings = {
@@ -188,7 +188,7 @@ def _said(
     return lines, settings
 
 
-def _comment(model: Model, parts: Parts) -> list[str]:
+def _comment(model: Model, parts: MjcfParts) -> list[str]:
     """Return what the file says of itself."""
     lines = heading(model, "A joint and its actuator for MuJoCo; for a robot of yours take joint, actuator and option.")
     lines.append(f"needs MuJoCo {parts.needs} or later; ctrl[0] is {model.inputs[0]}")

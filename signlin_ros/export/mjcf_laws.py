@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 
-from signlin_ros.export.mjcf_parts import LostError, Parts
+from signlin_ros.export.mjcf_parts import LostError, MjcfParts
 from signlin_ros.model import Model
 
 Values = Mapping[str, float]
-BRISTLES = 300.0
+BRISTLE_STIFFNESS = 300.0
 """Bristles that stand for a sign are so stiff that they give by this part of the travel (RMS) before they slip."""
 
 
@@ -17,42 +17,42 @@ def _list(p: Values, name: str) -> list[float]:
     return [value for key, value in p.items() if key.startswith(f"{name}[")]
 
 
-def viscous(parts: Parts, p: Values, key: str) -> str:
+def viscous(parts: MjcfParts, p: Values, key: str) -> str:
     """Return what damping holds."""
     parts.damping[0] += p["b"]
     return "damping"
 
 
-def coulomb(parts: Parts, p: Values, key: str) -> str:
+def coulomb(parts: MjcfParts, p: Values, key: str) -> str:
     """Return what frictionloss holds."""
     parts.frictionloss += p["mu"]
     return "frictionloss (a soft constraint: a stuck joint creeps a little)"
 
 
-def stribeck(parts: Parts, p: Values, key: str) -> str:
+def stribeck(parts: MjcfParts, p: Values, key: str) -> str:
     """Return what stiff bristles hold: presliding over a small part of the travel stands for the sign."""
     top = p["mu"] + max(p["excess"], 0.0)
-    stiffness = parts.bristle * BRISTLES * top / parts.travel
+    stiffness = parts.bristle * BRISTLE_STIFFNESS * top / parts.travel
     damping = 0.2 * math.sqrt(stiffness * parts.inertia)
     parts.bristle_is_free = True
     parts.bristles(key, (stiffness, damping, p["mu"], p["mu"] + p["excess"], p["v_s"]))
     return f"lugre, with bristles of {stiffness:.3g} in place of the sign"
 
 
-def lugre(parts: Parts, p: Values, key: str) -> str:
+def lugre(parts: MjcfParts, p: Values, key: str) -> str:
     """Return what lugre holds; its viscous part is damping."""
     parts.bristles(key, (p["sigma0"], p["sigma1"], p["F_c"], p["F_s"], p["v_s"]))
     parts.damping[0] += p["sigma2"]
     return "lugre, sigma2 as damping"
 
 
-def dahl(parts: Parts, p: Values, key: str) -> str:
+def dahl(parts: MjcfParts, p: Values, key: str) -> str:
     """Return what lugre without a Stribeck curve holds."""
     parts.bristles(key, (p["sigma"], 0.0, p["F_c"], p["F_c"], 1.0))
     return "lugre with one level and no damping"
 
 
-def cogging(parts: Parts, p: Values, key: str) -> str:
+def cogging(parts: MjcfParts, p: Values, key: str) -> str:
     """Return what cogging holds: whole orders."""
     if abs(p["N"] - round(p["N"])) > 1e-9:
         raise LostError(f"its order {p['N']:g} is no whole number, as MuJoCo's poles must be")
@@ -60,7 +60,7 @@ def cogging(parts: Parts, p: Values, key: str) -> str:
     return "cogging"
 
 
-def ripple(parts: Parts, p: Values, key: str) -> str:
+def ripple(parts: MjcfParts, p: Values, key: str) -> str:
     """Return what a motor without inputs for each wave holds."""
     orders, sizes, phases = _list(p, "orders"), _list(p, "A"), _list(p, "phi")
     if any(abs(N - round(N)) > 1e-9 for N in orders):
@@ -70,26 +70,26 @@ def ripple(parts: Parts, p: Values, key: str) -> str:
     return "cogging, a motor without inputs for each further wave"
 
 
-def gravity(parts: Parts, p: Values, key: str) -> str:
+def gravity(parts: MjcfParts, p: Values, key: str) -> str:
     """Return what a wave of order 1 holds, wherever the joint is in a robot."""
     parts.passively(key, cogging=f"{p['A']!r} 1 {math.pi - p['q0']!r}")
     return "cogging with one pole (in a robot of yours its own weight takes this one's place)"
 
 
-def constant(parts: Parts, p: Values, key: str) -> str:
+def constant(parts: MjcfParts, p: Values, key: str) -> str:
     """Return what a wave of order 0 holds."""
     parts.passively(key, cogging=f"{p['F0']!r} 0 {math.pi / 2!r}")
     return "cogging with no pole: a constant"
 
 
-def drag(parts: Parts, p: Values, key: str) -> str:
+def drag(parts: MjcfParts, p: Values, key: str) -> str:
     """Return what the second coefficient of damping holds."""
     parts.damping[1] += p["c2"]
     parts.needs = max(parts.needs, "3.8", key=_numbers)
     return "damping's second coefficient"
 
 
-def cubic_viscous(parts: Parts, p: Values, key: str) -> str:
+def cubic_viscous(parts: MjcfParts, p: Values, key: str) -> str:
     """Return what the first and third coefficient of damping hold."""
     parts.damping[0] += p["b"]
     parts.damping[2] += p["b3"]
@@ -97,7 +97,7 @@ def cubic_viscous(parts: Parts, p: Values, key: str) -> str:
     return "damping's first and third coefficient"
 
 
-def asymmetric(parts: Parts, p: Values, key: str) -> str:
+def asymmetric(parts: MjcfParts, p: Values, key: str) -> str:
     """Return the mean of both directions; the difference is lost."""
     parts.damping[0] += (p["b_p"] + p["b_n"]) / 2
     parts.lost.append(
@@ -106,34 +106,34 @@ def asymmetric(parts: Parts, p: Values, key: str) -> str:
     return "damping, the mean of both directions"
 
 
-def stiffness(parts: Parts, p: Values, key: str) -> str:
+def stiffness(parts: MjcfParts, p: Values, key: str) -> str:
     """Return what stiffness holds."""
     parts.stiffness[0] += p["k"]
     return "stiffness"
 
 
-def cubic_stiffness(parts: Parts, p: Values, key: str) -> str:
+def cubic_stiffness(parts: MjcfParts, p: Values, key: str) -> str:
     """Return what the third coefficient of stiffness holds."""
     parts.stiffness[2] += p["k3"]
     parts.needs = max(parts.needs, "3.8", key=_numbers)
     return "stiffness's third coefficient"
 
 
-def stop(parts: Parts, p: Values, key: str) -> str:
+def stop(parts: MjcfParts, p: Values, key: str) -> str:
     """Return what a tendon with a dead band holds."""
     gap = p["gap"]
     parts.tendons.append({"name": key, "springlength": f"{-gap!r} {gap!r}", "stiffness": repr(p["k_s"])})
     return "a fixed tendon with a dead band"
 
 
-def compliant(parts: Parts, p: Values, key: str) -> str:
+def compliant(parts: MjcfParts, p: Values, key: str) -> str:
     """Return what a second joint with a spring and a damper holds."""
     _alone(parts)
     parts.second = ("load", p["J"], {"stiffness": repr(p["k"]), "damping": repr(p["c"])})
     return "a second joint with stiffness and damping"
 
 
-def play(parts: Parts, p: Values, key: str) -> str:
+def play(parts: MjcfParts, p: Values, key: str) -> str:
     """Return what a second joint with soft limits holds: spring and damper in contact only."""
     _alone(parts)
     per_force = 1 / parts.inertia + 1 / p["J"]
@@ -143,12 +143,12 @@ def play(parts: Parts, p: Values, key: str) -> str:
     return "play as a second joint whose limits are spring and damper"
 
 
-def _alone(parts: Parts) -> None:
+def _alone(parts: MjcfParts) -> None:
     if parts.second:
         raise LostError("there is a second inertia already")
 
 
-def bouc_wen(parts: Parts, p: Values, key: str) -> str:
+def bouc_wen(parts: MjcfParts, p: Values, key: str) -> str:
     """Return what bristles hold: hysteresis with n = 1 and gamma = 0 is Dahl's beside a spring."""
     if p["n"] != 1 or p["gamma"] != 0.0 or p["beta"] <= 0.0:
         raise LostError("MuJoCo's bristles are hysteresis with n = 1, gamma = 0 and beta > 0 only")
@@ -159,21 +159,21 @@ def bouc_wen(parts: Parts, p: Values, key: str) -> str:
     return "stiffness and lugre with one level"
 
 
-def saturation(parts: Parts, p: Values, key: str) -> str:
+def saturation(parts: MjcfParts, p: Values, key: str) -> str:
     """Return what ctrlrange holds."""
     limit = p["u_max"] * parts.control
     parts.motor["ctrlrange"] = f"{-limit!r} {limit!r}"
     return "ctrlrange"
 
 
-def delay(parts: Parts, p: Values, key: str) -> str:
+def delay(parts: MjcfParts, p: Values, key: str) -> str:
     """Return what the actuator's delay holds."""
     parts.delay += p["T"]
     parts.needs = max(parts.needs, "3.5", key=_numbers)
     return "delay"
 
 
-def warming(parts: Parts, p: Values, key: str) -> str:
+def warming(parts: MjcfParts, p: Values, key: str) -> str:
     """Return what thermal holds; with a scaled control the heat is scaled alike."""
     share = parts.control**2
     numbers = (p["R_th"] / share, p["C"] * share, 0.0, p["a"], 0.0, 0.0)
@@ -182,19 +182,19 @@ def warming(parts: Parts, p: Values, key: str) -> str:
     return "thermal, reference and ambient temperature 0: the state is the rise"
 
 
-def play_friction(parts: Parts, p: Values, key: str) -> str:
+def play_friction(parts: MjcfParts, p: Values, key: str) -> str:
     """Return the level as frictionloss; that it comes late after a reversal is lost."""
     parts.frictionloss += p["F_c"]
     parts.lost.append(f"{key}: that the force comes after {2 * p['gap']:.3g} of way only; frictionloss is at once")
     return "frictionloss, its level"
 
 
-def load_dependent(parts: Parts, p: Values, key: str) -> str:
+def load_dependent(parts: MjcfParts, p: Values, key: str) -> str:
     """Refuse: no element depends on the load."""
     raise LostError("no element of MJCF has friction that grows with the load")
 
 
-LAWS: dict[str, Callable[[Parts, Values, str], str]] = {
+MJCF_LAWS: dict[str, Callable[[MjcfParts, Values, str], str]] = {
     "viscous_friction": viscous,
     "coulomb_friction": coulomb,
     "stribeck_friction": stribeck,
@@ -227,7 +227,7 @@ def _numbers(text: str) -> tuple[int, ...]:
     return tuple(int(part) for part in text.split("."))
 
 
-def motor(parts: Parts, p: Values, model: Model) -> None:
+def motor(parts: MjcfParts, p: Values, model: Model) -> None:
     """Put a dc_motor into the parts; where torque and back-EMF constants differ, the control is scaled."""
     K = math.sqrt(p["K_t"] * p["K_m"]) if p["K_m"] > 0 else p["K_t"]
     parts.kind, parts.needs = "dcmotor", "3.7"
@@ -244,14 +244,14 @@ def motor(parts: Parts, p: Values, model: Model) -> None:
         parts.lost.append("K_m = 0: MuJoCo's motor has the back-EMF of its torque constant")
 
 
-def mass(parts: Parts, p: Values, model: Model) -> None:
+def mass(parts: MjcfParts, p: Values, model: Model) -> None:
     """Put a mass on a spring and a damper into the parts."""
     parts.damping[0] += p["c"]
     if "bouc_wen_hysteresis" not in {use.type for use in model.effects.values()} and model.plant.name != "bouc_wen":
         parts.stiffness[0] += p["k"]
 
 
-def servo(parts: Parts, p: Values, model: Model) -> None:
+def servo(parts: MjcfParts, p: Values, model: Model) -> None:
     """Put a position-controlled servo into the parts: gain, limit of the duty, motor, arm and its weight."""
     per_volt = p["K_t"] / p["R"]
     gain = per_volt * p["vin"] * p["duty_per_error"]
@@ -282,7 +282,7 @@ def servo(parts: Parts, p: Values, model: Model) -> None:
             parts.lost.append(f"input {name}: the file has the model's own value throughout")
 
 
-PLANTS: dict[str, tuple[Callable[[Parts, Values, Model], None], str]] = {
+MJCF_PLANTS: dict[str, tuple[Callable[[MjcfParts, Values, Model], None], str]] = {
     "dc_motor": (motor, "J"),
     "mass_spring_damper": (mass, "m"),
     "bouc_wen": (mass, "m"),
@@ -290,4 +290,4 @@ PLANTS: dict[str, tuple[Callable[[Parts, Values, Model], None], str]] = {
 }
 """By plant: what puts it into the parts, and the parameter that is its inertia."""
 
-__all__ = ["LAWS", "PLANTS"]
+__all__ = ["MJCF_LAWS", "MJCF_PLANTS"]

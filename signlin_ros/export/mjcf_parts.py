@@ -14,7 +14,7 @@ class LostError(Exception):
 
 
 @dataclass
-class Parts:
+class MjcfParts:
     """A joint, its actuator, passive elements, and a second inertia.
 
     ``damping`` are the coefficients of v, v|v| and v³, ``stiffness`` those of x, x² and x³; ``control`` is what a
@@ -84,7 +84,7 @@ class Setting:
     timestep: float
 
 
-def body_of(parts: Parts) -> str:
+def body_of(parts: MjcfParts) -> str:
     """Return the body with its joints as XML, a second inertia inside it."""
     kind = "hinge" if parts.hinge else "slide"
     axis = "0 1 0" if parts.load else "0 0 1"
@@ -130,7 +130,7 @@ def polynomial(values: list[float]) -> str:
     return " ".join(repr(float(v)) for v in (values if any(values[1:]) else values[:1]))
 
 
-def document(name: str, parts: Parts, setting: Setting, comment: list[str]) -> str:
+def document(name: str, parts: MjcfParts, setting: Setting, comment: list[str]) -> str:
     """Return the whole MJCF file."""
     actuators = []
     main = {"name": "drive", "joint": "joint", **parts.motor}
@@ -168,4 +168,4 @@ def document(name: str, parts: Parts, setting: Setting, comment: list[str]) -> s
     )
 
 
-__all__ = ["Array", "LostError", "Parts", "Setting", "document", "version"]
+__all__ = ["Array", "LostError", "MjcfParts", "Setting", "document", "version"]

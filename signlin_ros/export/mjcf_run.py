@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from signlin_ros.export.base import Array, Drive, NotRunError
-from signlin_ros.export.mjcf_parts import Parts
+from signlin_ros.export.base import Array, ExportedDrive, NotRunError
+from signlin_ros.export.mjcf_parts import MjcfParts
 from signlin_ros.model import Model
 
 
-def run(text: str, parts: Parts, model: Model, drive: Drive) -> dict[str, Array]:
+def run(text: str, parts: MjcfParts, model: Model, drive: ExportedDrive) -> dict[str, Array]:
     """Return the states (T,) by name of a file stepped from the drive's first sample to its last.
 
     Raises `NotRunError` without mujoco; NaN from where it diverges on.
@@ -51,7 +51,7 @@ def _quiet(message: str) -> None:
     """Take MuJoCo's warnings: a run that diverges is told by its numbers."""
 
 
-def _start(mujoco: Any, mj: Any, data: Any, parts: Parts, model: Model, drive: Drive) -> None:
+def _start(mujoco: Any, mj: Any, data: Any, parts: MjcfParts, model: Model, drive: ExportedDrive) -> None:
     """Set the state at the drive's first sample; bristles and currents too."""
     start = dict(zip(model.states, drive.x0, strict=True))
     data.qpos[0] = start.get(model.plant.position, 0.0)
@@ -69,7 +69,7 @@ def _start(mujoco: Any, mj: Any, data: Any, parts: Parts, model: Model, drive: D
         mujoco.mj_initCtrlHistory(mj, data, 0, times, first)
 
 
-def _named(mj: Any, parts: Parts, model: Model, times: Array, rows: Array, wanted: Array) -> dict[str, Array]:
+def _named(mj: Any, parts: MjcfParts, model: Model, times: Array, rows: Array, wanted: Array) -> dict[str, Array]:
     """Return the states by our names at the wanted times."""
     q = 1
     columns = {model.plant.position: rows[:, q], model.plant.velocity: rows[:, q + mj.nq]}

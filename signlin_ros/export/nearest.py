@@ -11,14 +11,14 @@ from signlin_ros.export.functions import DRIVES, exact_rates, without
 from signlin_ros.model import Model
 from signlin_ros.simulation import Trajectory
 
-AT_REST = 0.02
+MIN_SLIDING_SPEED = 0.02
 """Speeds below this part of the largest tell nothing of a sliding force."""
 
 
 def nearest_friction(model: Model, key: str, path: Trajectory) -> tuple[float, float]:
     """Return mu and b >= 0 of mu sign(v) + b v nearest (least squares) to an effect's force along a run."""
     force, speed = _force(model, key, path), path[model.plant.velocity]
-    moving = np.abs(speed) > AT_REST * np.abs(speed).max()
+    moving = np.abs(speed) > MIN_SLIDING_SPEED * np.abs(speed).max()
     rows = -np.column_stack([np.sign(speed), speed])[moving]
     found, _ = nnls(rows, force[moving])
     return float(found[0]), float(found[1])

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from signlin_ros.export.base import Array, Drive, Exported, NotRunError, Target, refuse_imposed, refuse_sensors
+from signlin_ros.export.base import Array, Exported, ExportedDrive, NotRunError, Target, refuse_imposed, refuse_sensors
 from signlin_ros.export.functions import linear_rows, smooth_rates, texts
 from signlin_ros.export.lines import NUMPY
 from signlin_ros.export.python_text import docstring, function_text, loaded, names_of, numbers
 from signlin_ros.model import Model
 
 _QUIET = '@np.errstate(divide="ignore", invalid="ignore", over="ignore")  # of branches that are not taken'
-_TAIL = '''_PLAIN = [name.replace(".", "_") for name in STATES]
+_CONTROL_TAIL = '''_PLAIN = [name.replace(".", "_") for name in STATES]
 NAMES = {"states": _PLAIN, "inputs": INPUTS, "outputs": _PLAIN}
 
 
@@ -32,7 +32,7 @@ class PythonControl(Target):
 
     name, suffix, engine, smooth = "python-control", ".py", "control", True
 
-    def write(self, model: Model, out: Path, drive: Drive) -> Exported:
+    def write(self, model: Model, out: Path, drive: ExportedDrive) -> Exported:
         """Write the file."""
         refuse_imposed(model, self.name)
         n, m = len(model.states), len(model.inputs)
@@ -63,7 +63,9 @@ class PythonControl(Target):
             begin,
         )
         parts = [docstring(model, what), "import control as ct\nimport numpy as np", numbers(model), names_of(model)]
-        out.write_text("\n\n".join([*parts, f"{_QUIET}\n{rates}", f"{_QUIET}\n{linear}", _TAIL]), encoding="utf-8")
+        out.write_text(
+            "\n\n".join([*parts, f"{_QUIET}\n{rates}", f"{_QUIET}\n{linear}", _CONTROL_TAIL]), encoding="utf-8"
+        )
         lost = list(refuse_sensors(model))
         if model.trace.surfaces:
             lost.append("sign: sign_j stands for it; a stuck shaft creeps")
@@ -71,7 +73,7 @@ class PythonControl(Target):
             lost.append(f"input_delay: {model.delay:g} s are beside the equations, as DELAY")
         return Exported((out,), ("f_j, A, B and c as recorded",), tuple(lost))
 
-    def run(self, exported: Exported, model: Model, drive: Drive) -> dict[str, Array]:
+    def run(self, exported: Exported, model: Model, drive: ExportedDrive) -> dict[str, Array]:
         """Run it with `control.input_output_response`, inputs held."""
         try:
             import control
@@ -82,7 +84,7 @@ class PythonControl(Target):
         breaks = breaks[(breaks >= drive.t[0]) & (breaks <= drive.t[-1])]
         just_before = breaks[1:] - 1e-9 * np.diff(breaks)
         times = np.sort(np.concatenate([breaks, just_before]))
-        late = Drive(drive.t, drive.u, drive.acts + model.delay, drive.x0)
+        late = ExportedDrive(drive.t, drive.u, drive.acts + model.delay, drive.x0)
         held = np.empty((times.size, drive.u.shape[1]))
         held[0::2] = late.input_at(breaks)
         held[1::2] = late.input_at(breaks[:-1])

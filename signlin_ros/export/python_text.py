@@ -9,7 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from signlin_ros.export.base import Array, Drive, constant_note, heading, ranges, table_of_constants
+from signlin_ros.export.base import Array, ExportedDrive, constant_note, heading, ranges, table_of_constants
 from signlin_ros.export.functions import parameters
 from signlin_ros.export.lines import Dialect, number, written
 from signlin_ros.model import Model
@@ -63,9 +63,9 @@ def loaded(path: Path) -> dict[str, Any]:
     return runpy.run_path(str(path))
 
 
-def runge_kutta(f: Any, drive: Drive, delay: float, step: float) -> Array:
+def runge_kutta(f: Any, drive: ExportedDrive, delay: float, step: float) -> Array:
     """Return states (T, n) of x' = f(x, u) by the classical method of order 4, the inputs held."""
-    late = Drive(drive.t, drive.u, drive.acts + delay, drive.x0)
+    late = ExportedDrive(drive.t, drive.u, drive.acts + delay, drive.x0)
     out = np.empty((drive.t.size, drive.x0.size))
     x = out[0] = drive.x0
     u = late.input_at(drive.t)

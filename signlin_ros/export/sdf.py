@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
-from signlin_ros.export.base import Array, Drive, Exported, NotRunError, Target
+from signlin_ros.export.base import Array, Exported, ExportedDrive, NotRunError, Target
 from signlin_ros.export.urdf import comment, plain
 from signlin_ros.model import Model
 
@@ -15,7 +15,7 @@ class Sdf(Target):
 
     name, suffix, engine = "sdf", ".sdf", "none"
 
-    def write(self, model: Model, out: Path, drive: Drive) -> Exported:
+    def write(self, model: Model, out: Path, drive: ExportedDrive) -> Exported:
         """Write the file; what drives the joint is for a plugin and lost."""
         parts, holds, lost = plain(model)
         spring = [line for line in lost if line.startswith("linear_stiffness:")]
@@ -52,7 +52,7 @@ class Sdf(Target):
         out.write_text(text, encoding="utf-8")
         return Exported((out,), tuple(holds), tuple(lost))
 
-    def run(self, exported: Exported, model: Model, drive: Drive) -> dict[str, Array]:
+    def run(self, exported: Exported, model: Model, drive: ExportedDrive) -> dict[str, Array]:
         """Say why it is not run."""
         raise NotRunError("Gazebo has no Python package to run it with")
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from signlin_ros.export.base import Array, Drive, Exported, NotRunError, Target, refuse_imposed, refuse_sensors
+from signlin_ros.export.base import Array, Exported, ExportedDrive, NotRunError, Target, refuse_imposed, refuse_sensors
 from signlin_ros.export.functions import exact_rates, identifier
 from signlin_ros.export.lines import SYMPY
 from signlin_ros.export.python_text import docstring, function_text, loaded, names_of, numbers, runge_kutta
@@ -17,7 +17,7 @@ from signlin_ros.model import Model
 _TOOLS = """def _holds(condition):
     return sp.Piecewise((1, condition), (0, True))
 """
-STEP = 5e-4
+SYMPY_STEP = 5e-4
 """Longest step in s of the run."""
 
 
@@ -26,7 +26,7 @@ class SympyModel(Target):
 
     name, suffix, engine = "sympy", ".py", "SymPy's lambdify and Runge-Kutta steps"
 
-    def write(self, model: Model, out: Path, drive: Drive) -> Exported:
+    def write(self, model: Model, out: Path, drive: ExportedDrive) -> Exported:
         """Write the file."""
         refuse_imposed(model, self.name)
         what = "The exact equations for SymPy: xdot is a matrix in the symbols x, u and p."
@@ -59,8 +59,8 @@ class SympyModel(Target):
             lost.append(f"input_delay: {model.delay:g} s are beside the equations, as DELAY")
         return Exported((out,), ("the exact right-hand side as recorded",), tuple(lost))
 
-    def run(self, exported: Exported, model: Model, drive: Drive) -> dict[str, Array]:
-        """Make a function of it with lambdify and carry it on by steps of at most `STEP`."""
+    def run(self, exported: Exported, model: Model, drive: ExportedDrive) -> dict[str, Array]:
+        """Make a function of it with lambdify and carry it on by steps of at most `SYMPY_STEP`."""
         if importlib.util.find_spec("sympy") is None:
             raise NotRunError('sympy is not installed (pip install "signlin_ros[symbolic]")')
         import sympy
@@ -69,7 +69,7 @@ class SympyModel(Target):
         function: Any = sympy.lambdify(
             [*file["x"], *file["u"]], list(file["xdot"].subs(file["values"])), "math", cse=True
         )
-        found = runge_kutta(lambda x, u: np.array(function(*x.tolist(), *u.tolist())), drive, model.delay, STEP)
+        found = runge_kutta(lambda x, u: np.array(function(*x.tolist(), *u.tolist())), drive, model.delay, SYMPY_STEP)
         return {name: found[:, i] for i, name in enumerate(model.states)}
 
 

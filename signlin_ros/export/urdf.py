@@ -7,17 +7,17 @@ import tempfile
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
-from signlin_ros.export.base import Array, Drive, Exported, NotRunError, Target, heading, table_of_parameters
+from signlin_ros.export.base import Array, Exported, ExportedDrive, NotRunError, Target, heading, table_of_parameters
 from signlin_ros.export.mjcf import parts_of
-from signlin_ros.export.mjcf_parts import Parts, tag
+from signlin_ros.export.mjcf_parts import MjcfParts, tag
 from signlin_ros.export.mjcf_run import run
 from signlin_ros.model import Model
 
-STEP = 1e-3
+URDF_STEP = 1e-3
 """Step in s of the run."""
 
 
-def plain(model: Model) -> tuple[Parts, list[str], list[str]]:
+def plain(model: Model) -> tuple[MjcfParts, list[str], list[str]]:
     """Return a joint of which damping and dry friction are all, what it holds, and what is lost."""
     parts = parts_of(model, 1.0, 1.0)
     of_the_drive = ("sag:", "current_limit:", "profile_time:", "input ", "K_m")
@@ -47,7 +47,7 @@ class Urdf(Target):
 
     name, suffix, engine = "urdf", ".urdf", "mujoco, with our actuator beside the file"
 
-    def write(self, model: Model, out: Path, drive: Drive) -> Exported:
+    def write(self, model: Model, out: Path, drive: ExportedDrive) -> Exported:
         """Write the file; what drives the joint is for a controller and lost."""
         parts, holds, lost = plain(model)
         lost.append(f"what {model.inputs[0]} does: URDF has no actuator (ros2_control commands effort or position)")
@@ -81,7 +81,7 @@ class Urdf(Target):
         out.write_text(text, encoding="utf-8")
         return Exported((out,), tuple(holds), tuple(lost))
 
-    def run(self, exported: Exported, model: Model, drive: Drive) -> dict[str, Array]:
+    def run(self, exported: Exported, model: Model, drive: ExportedDrive) -> dict[str, Array]:
         """Load it in MuJoCo, put the actuator of our MJCF beside it, and step it."""
         if importlib.util.find_spec("mujoco") is None:
             raise NotRunError('mujoco is not installed (pip install "signlin_ros[export]")')
@@ -96,7 +96,7 @@ class Urdf(Target):
         motor = {k: v for k, v in parts.motor.items() if k not in ("lugre", "cogging", "thermal")}
         actuator = tag(parts.kind, {"name": "drive", "joint": "joint", **motor})
         down = f"0 0 {-parts.gravity!r}" if parts.gravity else "0 0 0"
-        option = tag("option", {"timestep": repr(STEP), "integrator": "implicitfast", "gravity": down})
+        option = tag("option", {"timestep": repr(URDF_STEP), "integrator": "implicitfast", "gravity": down})
         text = text.replace("</mujoco>", f"{option}<actuator>{actuator}</actuator></mujoco>")
         parts.delay, parts.second = 0.0, None
         return run(text, parts, model, drive)

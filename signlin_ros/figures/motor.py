@@ -65,9 +65,9 @@ def motor_numbers(motor: MotorRuns) -> dict[str, Any]:
 
 
 MOTOR_CURVES = {
-    "exact": ("non-smooth (28)", plotting.EXACT, "-"),
+    "exact": ("non-smooth (28)", plotting.EXACT_COLOUR, "-"),
     "no_friction": ("conventional linear, without friction (29)", plotting.BARE, "-."),
-    "start": ("proposed (33)", plotting.START, "-"),
+    "start": ("proposed (33)", plotting.START_COLOUR, "-"),
     "midpoint": ("the same from the predicted midpoint", plotting.MIDPOINT, "--"),
 }
 
@@ -84,7 +84,7 @@ def draw_motor(path: Path, motor: MotorRuns) -> None:
                 error.plot(motor.t, run - exact, color=colour, ls=dash)
         for axes in (speed, error):
             plotting.shade(axes, motor.t, ~motor.valid, "outside the valid range of sign$_j$")
-        voltage.step(motor.t, motor.runs["exact"]["voltage"], color=plotting.EXACT, where="post")
+        voltage.step(motor.t, motor.runs["exact"]["voltage"], color=plotting.EXACT_COLOUR, where="post")
         period = motor.model.update_period
         speed.set(ylabel="speed  [rad/s]", title=f"DC motor, j = {motor.model.sign_order}, update every {period:g} s")
         error.set(ylabel="error of speed  [rad/s]")

@@ -14,9 +14,9 @@ from signlin_ros.figures.shared import Array, options, rms
 from signlin_ros.model import Model
 from signlin_ros.simulation import Trajectory, simulate
 
-FORCE, FORCE_RATE, OSCILLATOR_SPAN, OSCILLATOR_STEP = 1.0, 1.0, 40.0, 0.0025
+FORCE_AMPLITUDE, FORCE_RATE, OSCILLATOR_SPAN, OSCILLATOR_STEP = 1.0, 1.0, 40.0, 0.0025
 """The input sin t: force in N, its rate in rad/s; length of the run and sampling, for which it is held, in s."""
-PERIODS = (0.4, 0.2, 0.1, 0.05, 0.025)
+OBSERVED_PERIODS = (0.4, 0.2, 0.1, 0.05, 0.025)
 """Update periods in s at which the order is observed."""
 
 
@@ -44,7 +44,7 @@ def run_oscillator() -> OscillatorRuns:
     """Simulate the Bouc-Wen oscillator under a sine: exact, f_j, and A_k from start and midpoint of each period."""
     model = Model.load("bouc_wen")
     t: Array = OSCILLATOR_STEP * np.arange(round(OSCILLATOR_SPAN / OSCILLATOR_STEP) + 1, dtype=float)
-    u = FORCE * np.sin(FORCE_RATE * t)[:, None]
+    u = FORCE_AMPLITUDE * np.sin(FORCE_RATE * t)[:, None]
     runs = {"exact": simulate(model, t, u), "smooth": simulate(model, t, u, kind="smooth")}
     for point in ("start", "midpoint"):
         runs[point] = simulate(model.with_options(operating_point=point), t, u, kind="piecewise")
@@ -52,11 +52,13 @@ def run_oscillator() -> OscillatorRuns:
 
 
 def errors_by_period(oscillator: OscillatorRuns) -> dict[str, list[float]]:
-    """Return the RMS error of the restoring force against f_j, in % of its deviation, for each of `PERIODS`."""
+    """Return the RMS error of the restoring force against f_j, in % of its deviation, for each of
+    `OBSERVED_PERIODS`.
+    """
     truth, model = oscillator.force("smooth"), oscillator.model
     found: dict[str, list[float]] = {"start": [], "midpoint": []}
     for point, values in found.items():
-        for period in PERIODS:
+        for period in OBSERVED_PERIODS:
             other = model.with_options(operating_point=point, update_period=period)
             run = simulate(other, oscillator.t, oscillator.u, kind="piecewise")
             values.append(_percent(restoring_force(model, run), truth))
@@ -64,8 +66,8 @@ def errors_by_period(oscillator: OscillatorRuns) -> dict[str, list[float]]:
 
 
 def observed_orders(errors: list[float]) -> list[float]:
-    """Return the order in the update period between each of `PERIODS` and the next."""
-    return [float(v) for v in np.diff(np.log(errors)) / np.diff(np.log(PERIODS))]
+    """Return the order in the update period between each of `OBSERVED_PERIODS` and the next."""
+    return [float(v) for v in np.diff(np.log(errors)) / np.diff(np.log(OBSERVED_PERIODS))]
 
 
 def _percent(values: Array, truth: Array) -> float:
@@ -78,14 +80,14 @@ def oscillator_numbers(oscillator: OscillatorRuns, errors: Mapping[str, list[flo
     others = {name: _percent(oscillator.force(name), exact) for name in oscillator.runs if name != "exact"}
     return {
         **options(oscillator.model),
-        "input": {"amplitude": {"value": FORCE, "unit": "N"}, "rate": {"value": FORCE_RATE, "unit": "rad/s"}},
+        "input": {"amplitude": {"value": FORCE_AMPLITUDE, "unit": "N"}, "rate": {"value": FORCE_RATE, "unit": "rad/s"}},
         "duration": {"value": OSCILLATOR_SPAN, "unit": "s"},
         "largest": _largest(oscillator),
         "force_deviation": {"value": float(exact.std()), "unit": "N"},
         "force_rmse_against_exact": {"unit": "% of the standard deviation", **others},
         "force_rmse_against_smooth": {
             "unit": "% of the standard deviation",
-            "update_period": {"unit": "s", "values": list(PERIODS)},
+            "update_period": {"unit": "s", "values": list(OBSERVED_PERIODS)},
             **errors,
         },
         "observed_order": {"unit": "-", **{name: observed_orders(values) for name, values in errors.items()}},
@@ -99,8 +101,8 @@ def _largest(oscillator: OscillatorRuns) -> dict[str, Any]:
 
 
 CURVES = {
-    "exact": ("non-smooth (38)", plotting.EXACT, "-"),
-    "start": ("proposed (43)", plotting.START, "-"),
+    "exact": ("non-smooth (38)", plotting.EXACT_COLOUR, "-"),
+    "start": ("proposed (43)", plotting.START_COLOUR, "-"),
     "midpoint": ("the same from the predicted midpoint", plotting.MIDPOINT, "--"),
 }
 
@@ -143,11 +145,11 @@ def draw_order(path: Path, errors: Mapping[str, list[float]]) -> None:
     """Draw how the error of the restoring force falls with the update period, for both operating points."""
     with plotting.canvas(path, 5.0, 4.2) as figure:
         axes = figure.subplots()
-        for name, colour, order in (("start", plotting.START, 1), ("midpoint", plotting.MIDPOINT, 2)):
-            axes.loglog(PERIODS, errors[name], "o-", color=colour, ms=4, label=name)
-            guide = errors[name][-1] * (np.array(PERIODS) / PERIODS[-1]) ** order
-            axes.loglog(PERIODS, guide, color=colour, lw=0.8, ls=":", label=f"order {order}")
+        for name, colour, order in (("start", plotting.START_COLOUR, 1), ("midpoint", plotting.MIDPOINT, 2)):
+            axes.loglog(OBSERVED_PERIODS, errors[name], "o-", color=colour, ms=4, label=name)
+            guide = errors[name][-1] * (np.array(OBSERVED_PERIODS) / OBSERVED_PERIODS[-1]) ** order
+            axes.loglog(OBSERVED_PERIODS, guide, color=colour, lw=0.8, ls=":", label=f"order {order}")
         axes.set(xlabel="update period  [s]", ylabel="RMS error of R against f$_j$  [% of its deviation]")
-        axes.set_xticks(PERIODS, [f"{p:g}" for p in PERIODS], minor=False)
+        axes.set_xticks(OBSERVED_PERIODS, [f"{p:g}" for p in OBSERVED_PERIODS], minor=False)
         axes.set_xticks([], minor=True)
         axes.legend(loc="lower right")

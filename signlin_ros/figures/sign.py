@@ -10,7 +10,7 @@ import numpy as np
 from signlin_ros import plotting
 from signlin_ros.sign import sign_j, sign_j_slope, valid_surface
 
-ORDERS = (4, 10, 20, 50)
+DRAWN_ORDERS = (4, 10, 20, 50)
 """The orders j that are drawn; all even, as for an odd one sign_j grows without bound (`draw_uses`)."""
 
 
@@ -27,8 +27,8 @@ def draw_values(path: Path) -> None:
 
 def _draw_orders(axes: Any, z: Any, marks: str) -> None:
     end = z[-1]
-    axes.plot([-end, 0, 0, end], [-1, -1, 1, 1], color=plotting.EXACT, lw=1.0, ls="--", label="sign")
-    for order, colour in zip(ORDERS, plotting.SEQUENCE, strict=True):
+    axes.plot([-end, 0, 0, end], [-1, -1, 1, 1], color=plotting.EXACT_COLOUR, lw=1.0, ls="--", label="sign")
+    for order, colour in zip(DRAWN_ORDERS, plotting.SEQUENCE, strict=True):
         axes.plot(z, sign_j(z, order), marks, ms=3, lw=1.2, color=colour, label=f"sign$_j$, j = {order}")
 
 
@@ -37,11 +37,11 @@ def draw_derivative(path: Path) -> None:
     z = np.linspace(-0.5, 0.5, 1001)
     with plotting.canvas(path, 6.4, 3.8) as figure:
         axes = figure.subplots()
-        for order, colour in zip(ORDERS, plotting.SEQUENCE, strict=True):
+        for order, colour in zip(DRAWN_ORDERS, plotting.SEQUENCE, strict=True):
             axes.plot(z, sign_j_slope(z, order), color=colour, label=f"j = {order}")
             axes.plot(0, sign_j_slope(0.0, order), "o", ms=4, color=colour)
         axes.set(xlabel="σ  [-]", ylabel="d sign$_j$(σ) / dσ  [-]", xlim=(-0.5, 0.5), ylim=(0, None))
-        axes.set_yticks([0, *ORDERS])
+        axes.set_yticks([0, *DRAWN_ORDERS])
         axes.set_title("Derivative of sign$_j$: its largest value is the order j")
         axes.legend(loc="upper right")
 
@@ -57,8 +57,8 @@ def draw_uses(path: Path) -> None:
 
 def _draw_magnitude(axes: Any) -> None:
     v = np.linspace(-0.6, 0.6, 601)
-    axes.plot(v, np.abs(v), color=plotting.EXACT, lw=1.0, ls="--", label="|v|")
-    for order, colour in zip(ORDERS, plotting.SEQUENCE, strict=True):
+    axes.plot(v, np.abs(v), color=plotting.EXACT_COLOUR, lw=1.0, ls="--", label="|v|")
+    for order, colour in zip(DRAWN_ORDERS, plotting.SEQUENCE, strict=True):
         axes.plot(v, v * sign_j(v, order), color=colour, label=f"j = {order}")
     axes.set(xlabel="v  [scale]", ylabel="v sign$_j$(v)  [scale]", title="|v| through sign$_j$", xlim=(-0.6, 0.6))
     axes.legend(loc="upper center", ncols=1)
@@ -66,7 +66,7 @@ def _draw_magnitude(axes: Any) -> None:
 
 def _draw_gain(axes: Any) -> None:
     v = np.logspace(-3, 1.2, 400)
-    axes.loglog(v, 1 / v, color=plotting.EXACT, lw=1.0, ls="--", label="sign(v) / v")
+    axes.loglog(v, 1 / v, color=plotting.EXACT_COLOUR, lw=1.0, ls="--", label="sign(v) / v")
     for order, colour in zip((10, 50), (plotting.SEQUENCE[2], plotting.SEQUENCE[3]), strict=True):
         axes.loglog(v, sign_j(v, order) / v, color=colour, label=f"secant, j = {order}")
         axes.loglog(v, sign_j_slope(v, order), color=colour, ls=":", label=f"slope, j = {order}")
@@ -77,11 +77,14 @@ def _draw_gain(axes: Any) -> None:
 
 def _draw_reach(axes: Any) -> None:
     z = np.logspace(-2, 2.3, 600)
-    for order, colour, text in ((50, plotting.MIDPOINT, "even: falls off"), (51, plotting.START, "odd: overshoots")):
+    for order, colour, text in (
+        (50, plotting.MIDPOINT, "even: falls off"),
+        (51, plotting.START_COLOUR, "odd: overshoots"),
+    ):
         s, good = sign_j(z, order), valid_surface(z, order)
         axes.semilogx(z, s, color=colour, ls=":")
         axes.semilogx(z[good], s[good], color=colour, lw=2.0, label=f"j = {order}, {text}")
-    axes.axhline(1, color=plotting.EXACT, lw=1.0, ls="--")
+    axes.axhline(1, color=plotting.EXACT_COLOUR, lw=1.0, ls="--")
     axes.axvline(50 / 3, color="#666666", lw=0.8)
     axes.text(50 / 3 * 0.9, 0.06, "valid up to\nz = j/3", ha="right", color="#444444")
     axes.set(xlabel="z = v / scale  [-]", ylabel="sign$_j$(z)  [-]", title="Where it stops being a sign")

@@ -21,9 +21,9 @@ from signlin_ros.par import declared_name
 Array = NDArray[np.float64]
 KNOWN_EFFECT = 0.2
 """Relative standard deviation of the prior on the parameters of effects that the model already has."""
-GAIN = 0.7
+MAX_LOG_SENSOR_GAIN = 0.7
 """Largest logarithm of a sensor's gain: about twice or half; more would stand in for an inertia that is known."""
-NEAR = 3.0
+MAX_LOG_LOAD_CHANGE = 3.0
 """Largest change of the logarithm of a floating load's inertia: one much larger stands still, and is a spring."""
 SHAPE = 3.0
 """Standard deviation of the prior on the logarithm of a new effect's positive parameters."""
@@ -174,7 +174,7 @@ def _effect_coordinates(problem: Problem, model: Model, key: str) -> list[Coordi
         if order and problem.turns:
             continue  # a whole number
         if par.positive or (effect.floating and par.low >= 0.0 and value > 0.0):
-            reach = NEAR if par.positive and effect.floating else 12.0
+            reach = MAX_LOG_LOAD_CHANGE if par.positive and effect.floating else 12.0
             result.append(Coordinate(full, True, value, -reach, reach, 0.0, SHAPE))
         else:
             unit = 1.0 if order else problem.scale.of(par.unit)  # an order comes from a scan
@@ -187,7 +187,7 @@ def _effect_coordinates(problem: Problem, model: Model, key: str) -> list[Coordi
 def _sensor_coordinate(problem: Problem, name: str) -> Coordinate:
     kind, _, channel = name.partition(".")
     if kind == "sensor_gain":
-        return Coordinate(name, True, 1.0, -GAIN, GAIN, 0.0, GAIN / 2)
+        return Coordinate(name, True, 1.0, -MAX_LOG_SENSOR_GAIN, MAX_LOG_SENSOR_GAIN, 0.0, MAX_LOG_SENSOR_GAIN / 2)
     if kind == "sensor_delay":
         return Coordinate(name, False, problem.scale.step, 0.0, 1.0 / problem.scale.step, 0.0, np.inf)
     unit = float(problem.noise[problem.channels.index(channel)])

@@ -17,17 +17,17 @@ from signlin_ros.records import ModelData
 
 Array = NDArray[np.float64]
 
-REACH, OWN, ENOUGH = 8, 2, 10
+DIFFERENCES_COMBINED, PAST_VELOCITIES, SAMPLES_PER_COEFFICIENT = 8, 2, 10
 """Differences and past velocities that a velocity may be a combination of; samples for each coefficient."""
 FORETOLD = 0.1
 """Part of the velocity's noise, and of what its neighbours foretell, beneath which it is foretold by the position."""
-WIDE, MOST = 60, 20_000
+FILTER_REACH, MAX_DERIVED_SAMPLES = 60, 20_000
 """Differences of the position before and after a sample that a filter may have gone through, and samples looked at."""
-NEARLY, FINE, SMOOTH, APART = 0.02, 0.05, 0.5, 2.5
+NEARLY, FINE, MAX_OWN_SHARE, MIN_RATE_DISTANCE = 0.02, 0.05, 0.5, 2.5
 """A velocity was filtered if wide combinations of differences leave less than this share of it, if noise of the
 position makes less than that share of a single difference, if of what is left no more is white noise than that, and if
 it leads elsewhere than the position by more than so many times what noise in both would."""
-LATE = 2.0
+MAX_UNTOLD_LAG = 2.0
 """Samples beyond which it is told by how much a derived velocity lags."""
 
 
@@ -46,7 +46,7 @@ def lag(model: Model, records: Sequence[ModelData]) -> float:
     found = []
     for r in records:
         t, q, v = _shown(r.t, r.measured[model.plant.position], r.measured[model.plant.velocity])
-        middle, slopes, reach = (t[1:] + t[:-1]) / 2, np.diff(q) / np.diff(t), min(WIDE, t.size // 4)
+        middle, slopes, reach = (t[1:] + t[:-1]) / 2, np.diff(q) / np.diff(t), min(FILTER_REACH, t.size // 4)
         used, tried = slice(reach, t.size - reach), float(np.median(np.diff(t))) * np.arange(reach)
         rests = [_rest(np.interp(t[used] - late, middle, slopes)[:, None], v[used]) for late in tried]
         found.append(float(tried[int(np.argmin([np.mean(rest**2) for rest in rests]))]))
@@ -55,17 +55,17 @@ def lag(model: Model, records: Sequence[ModelData]) -> float:
 
 def _shown(t: Array, q: Array, v: Array) -> tuple[Array, Array, Array]:
     """Return times, positions and velocities (T,) where both were measured, no more than are looked at."""
-    there = np.flatnonzero(np.isfinite(q) & np.isfinite(v))[:MOST]
+    there = np.flatnonzero(np.isfinite(q) & np.isfinite(v))[:MAX_DERIVED_SAMPLES]
     return t[there], q[there], v[there]
 
 
 def _is_derived(t: Array, q: Array, v: Array) -> bool:
     """Tell whether a velocity v (T,) is a combination of differences of q (T,) nearby, and of its own past."""
-    rows, slopes = np.arange(REACH, t.size - REACH), np.diff(q) / np.diff(t)
-    own = np.column_stack([v[rows - k] for k in range(1, OWN + 1)])
-    both = np.column_stack([*(slopes[rows + k] for k in range(-REACH, REACH)), own])
+    rows, slopes = np.arange(DIFFERENCES_COMBINED, t.size - DIFFERENCES_COMBINED), np.diff(q) / np.diff(t)
+    own = np.column_stack([v[rows - k] for k in range(1, PAST_VELOCITIES + 1)])
+    both = np.column_stack([*(slopes[rows + k] for k in range(-DIFFERENCES_COMBINED, DIFFERENCES_COMBINED)), own])
     there = np.isfinite(both).all(axis=1) & np.isfinite(v[rows])
-    if np.count_nonzero(there) < ENOUGH * (2 * REACH + OWN):
+    if np.count_nonzero(there) < SAMPLES_PER_COEFFICIENT * (2 * DIFFERENCES_COMBINED + PAST_VELOCITIES):
         return False
     left, without = (np.sqrt(np.mean(_rest(basis[there], v[rows][there]) ** 2)) for basis in (both, own))
     return bool(left < FORETOLD * min(without, noise_level(t, v).sigma))
@@ -74,19 +74,19 @@ def _is_derived(t: Array, q: Array, v: Array) -> bool:
 def _is_filtered(t: Array, q: Array, v: Array) -> bool:
     """Tell whether v (T,) is a wide filter of a fine position q (T,), but for a rest that leads elsewhere."""
     t, q, v = _shown(t, q, v)
-    reach = min(WIDE, t.size // 40)
-    if reach < REACH:
+    reach = min(FILTER_REACH, t.size // 40)
+    if reach < DIFFERENCES_COMBINED:
         return False
     noise, step = noise_level(t, q).sigma, np.median(np.diff(t))
     walk = noise_level(t, v).sigma * np.sqrt(step * (t[-1] - t[0]) / 6)
     apart = np.cumsum((v[1:] + v[:-1]) / 2 * np.diff(t)) - q[1:]
-    if np.sqrt(2) * noise > FINE * np.std(v) * step or np.std(apart) < APART * np.hypot(noise, walk):
+    if np.sqrt(2) * noise > FINE * np.std(v) * step or np.std(apart) < MIN_RATE_DISTANCE * np.hypot(noise, walk):
         return False
     slopes, rows = np.diff(q) / np.diff(t), np.arange(reach, t.size - 1 - reach)
     near = np.lib.stride_tricks.sliding_window_view(slopes, 2 * reach)[: rows.size]
     rest = _rest(near, v[rows])
     size = float(np.std(rest))
-    return bool(size < NEARLY * np.std(v)) and noise_level(t[rows], rest).sigma < SMOOTH * size
+    return bool(size < NEARLY * np.std(v)) and noise_level(t[rows], rest).sigma < MAX_OWN_SHARE * size
 
 
 def _rest(basis: Array, target: Array) -> Array:
@@ -95,4 +95,4 @@ def _rest(basis: Array, target: Array) -> Array:
     return np.asarray(target - columns @ np.linalg.lstsq(columns, target, rcond=None)[0])
 
 
-__all__ = ["LATE", "lag", "without_derived"]
+__all__ = ["MAX_UNTOLD_LAG", "lag", "without_derived"]

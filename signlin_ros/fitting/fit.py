@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 from signlin_ros.effects import EFFECTS
 from signlin_ros.fitting.candidate import Candidate
 from signlin_ros.fitting.following import follow_records
-from signlin_ros.fitting.gains import Gains
+from signlin_ros.fitting.gains import ObserverGains
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
-ENOUGH, FAR = 0.02, 1e-3
+MIN_COST_FALL, MIN_RELATIVE_FALL = 0.02, 1e-3
 """A fit ends where -2 log likelihood falls by less than this, or this share of its distance from pure noise's."""
-STUCK, ENDLESS = 1e9, 1e100
+MAX_DAMPING, ENDLESS = 1e9, 1e100
 """Damping from which on a step is none; curvature of a model that diverges: its sensitivities have run away."""
 
 
@@ -35,7 +35,7 @@ class Fit:
     count: Array
     innovations: tuple[Array, ...]
     hessian: Array
-    gains: Gains
+    gains: ObserverGains
     gradient: Array
 
     def parameters(self) -> dict[str, float]:
@@ -92,14 +92,16 @@ def _normal(
     return cost, number, gradient, hessian
 
 
-def fit(problem: Problem, c: Candidate, gains: Gains, theta: Array | None = None, steps: int = 10) -> Fit | None:
+def fit(
+    problem: Problem, c: Candidate, gains: ObserverGains, theta: Array | None = None, steps: int = 10
+) -> Fit | None:
     """Fit a candidate at one gain, from theta (its own start by default); None if the start diverges."""
     first = evaluated(problem, c, np.clip(c.start() if theta is None else theta, *c.bounds), gains)
     return None if first is None else further(problem, first, steps)
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-def evaluated(problem: Problem, c: Candidate, x: Array, gains: Gains, with_s: bool = True) -> Fit | None:
+def evaluated(problem: Problem, c: Candidate, x: Array, gains: ObserverGains, with_s: bool = True) -> Fit | None:
     """Return a candidate at one point, as if fitted (``with_s``: with its slope); None if it diverges there."""
     found = follow_records(problem, c, x, gains, with_s)
     if found is None:
@@ -118,17 +120,19 @@ def further(problem: Problem, f: Fit, steps: int) -> Fit:
         new = _step(f.theta, f.gradient, f.hessian, damping, *f.candidate.bounds)
         shift = new - f.theta
         gained = -2 * f.gradient @ shift - shift @ f.hessian @ shift
-        if float(gained) < ENOUGH:
+        if float(gained) < MIN_COST_FALL:
             break
         trial = evaluated(problem, f.candidate, new, f.gains)
         if trial is None or not trial.cost < f.cost:
             damping *= 16
-            if damping > STUCK:
+            if damping > MAX_DAMPING:
                 break
             continue
         gain, f = f.cost - trial.cost, trial
         damping = max(damping / 8, 1e-9)
-        if gain < ENOUGH + FAR * max(f.cost - float(np.sum(f.count * np.log(problem.noise**2))), 0.0):
+        if gain < MIN_COST_FALL + MIN_RELATIVE_FALL * max(
+            f.cost - float(np.sum(f.count * np.log(problem.noise**2))), 0.0
+        ):
             break
     return f
 

@@ -12,34 +12,39 @@ from numpy.typing import NDArray
 
 from signlin_ros.effects import EFFECTS
 from signlin_ros.fitting.candidate import Candidate
-from signlin_ros.fitting.gains import Gains
+from signlin_ros.fitting.gains import ObserverGains
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.follow.data import acting
-from signlin_ros.follow.loop import MOST, NONE_LATE, follow
-from signlin_ros.follow.segments import Segment, twin
+from signlin_ros.follow.loop import MAX_SUBSTEPS, NONE_LATE, follow
+from signlin_ros.follow.segments import PreparedSegment, twin
 from signlin_ros.follow.tracking import mean_square
 
 Array = NDArray[np.float64]
 Followed = tuple[list[Array], list[Array], list[Array]]
 """Innovations, their derivatives and states of every record."""
 
-APART, WANDER = 0.3, 0.05
+LOAD_START_SPREAD, WANDER = 0.3, 0.05
 """How uncertain the start of a floating load is, and how far it wanders in a second: parts of excursion, velocity."""
-TURN, FASTER = 0.8, 1.5
+MAX_PHASE_STEP, MAX_PHASE_RATIO = 0.8, 1.5
 """Largest phase in rad by which a periodic force may turn in a substep, at that multiple of the RMS velocity."""
-RESTING, MEMORY, REMEMBERED = 0.02, 400, 3.0
+MAX_REST_SPEED, MAX_START_SAMPLES, START_TIME_CONSTANTS = 0.02, 400, 3.0
 """Share of the RMS velocity of a record at rest; samples, and time constants, to which what is unknown is fitted."""
-SURE, WAVES = 3.0, (-1.0, -2 / 3, -1 / 3, 1 / 3, 2 / 3, 1.0)
+MAX_START_DEVIATIONS, WAVES = 3.0, (-1.0, -2 / 3, -1 / 3, 1 / 3, 2 / 3, 1.0)
 """How far a start may be from what a sensor shows, in its standard deviations; parts of that where it is sought."""
-SECANTS, SWEEPS, SETTLED, NEARBY = 8, 4, 1e-3, 0.1
+SECANTS, MAX_START_SWEEPS, MIN_START_GAIN, NEARBY = 8, 4, 1e-3, 0.1
 """Most secants of one unknown, and of all; share of the squares that is no gain; part of the reach for slopes."""
-LOST = 1e100
+DIVERGED_ERROR = 1e100
 """Errors from which on a start leads nowhere: it is sought anew."""
 
 
 @np.errstate(over="ignore", invalid="ignore")
 def follow_records(
-    problem: Problem, c: Candidate, theta: Array, gains: Gains, with_s: bool, segments: Sequence[Segment] | None = None
+    problem: Problem,
+    c: Candidate,
+    theta: Array,
+    gains: ObserverGains,
+    with_s: bool,
+    segments: Sequence[PreparedSegment] | None = None,
 ) -> Followed | None:
     """Return innovations (T, ny), their derivatives to the free parameters (T, ny, np and more columns of 0) and states
     (T, n) for every record; None if it diverges. While a delayed input is still that from before the record, the
@@ -86,7 +91,7 @@ def follow_records(
     return found
 
 
-def _belief(problem: Problem, c: Candidate, gains: Gains, shown: Mapping[str, float]) -> Array:
+def _belief(problem: Problem, c: Candidate, gains: ObserverGains, shown: Mapping[str, float]) -> Array:
     """Return what `follow` takes for an extended Kalman filter where motion is sensitive; (3, 0) where it is not. What
     a sensor shows larger than it is (``shown``: its gain) moves less than it seems to: a gain must not fit the filter.
     """
@@ -102,7 +107,7 @@ def _belief(problem: Problem, c: Candidate, gains: Gains, shown: Mapping[str, fl
             found[:2, i] = gains.spread[:, gains.names.index(name)] / larger
             continue
         own = name.rpartition(".")[2]
-        size = APART * apart.get(own, 0.0) if name in floating else 0.0
+        size = LOAD_START_SPREAD * apart.get(own, 0.0) if name in floating else 0.0
         found[:, i] = WANDER**2 * size**2 * scale.step / larger, size**2 / larger, 2.0 if own == "position" else 1.0
     return found
 
@@ -135,17 +140,21 @@ class Start:
     x: Array
     near: Array
     changes: Array | None = None
-    record: Segment | None = None
+    record: PreparedSegment | None = None
 
 
 def _turns(problem: Problem, c: Candidate, p: Array) -> int:
-    """Return the substeps that periodic forces ask for: the phase of each must not turn by more than `TURN` in one."""
+    """Return the substeps that periodic forces ask for: the phase of each must not turn by more than `MAX_PHASE_STEP`
+    in one.
+    """
     names = [f"{key}.{n}" for key, use in c.model.effects.items() for n in EFFECTS[use.type].periodic[:1]]
     order = max((abs(p[c.equations.parameters.index(name)]) for name in names), default=0.0)
-    return ceil(min(order * FASTER * problem.scale.velocity * problem.scale.step / TURN, MOST))
+    return ceil(
+        min(order * MAX_PHASE_RATIO * problem.scale.velocity * problem.scale.step / MAX_PHASE_STEP, MAX_SUBSTEPS)
+    )
 
 
-def _record_start(problem: Problem, c: Candidate, s: Segment, tau: float, rest: tuple[Any, ...]) -> Array:
+def _record_start(problem: Problem, c: Candidate, s: PreparedSegment, tau: float, rest: tuple[Any, ...]) -> Array:
     """Return the state (n,) that a record starts from. Where it starts in motion, what an effect remembers is fitted to
     the first samples by secants: its derivative vanishes where it is best. Where nobody saw the position, all that is
     unknown is fitted together, to as many samples as an observer of time constant ``tau`` in s remembers it.
@@ -166,9 +175,9 @@ def _record_start(problem: Problem, c: Candidate, s: Segment, tau: float, rest: 
             E[:] = np.inf
         return np.nan_to_num(E / problem.noise, posinf=1e150).ravel(), X
 
-    size, longer, position = min(s.t.size, MEMORY), 0, problem.base.plant.position
+    size, longer, position = min(s.t.size, MAX_START_SAMPLES), 0, problem.base.plant.position
     if position not in s.start and position in c.model.states:
-        longer = min(s.t.size, max(size, ceil(REMEMBERED * tau / problem.scale.step)))
+        longer = min(s.t.size, max(size, ceil(START_TIME_CONSTANTS * tau / problem.scale.step)))
 
     def errors(x: Array) -> Array:
         return run(x, longer or size)[0]
@@ -178,16 +187,16 @@ def _record_start(problem: Problem, c: Candidate, s: Segment, tau: float, rest: 
     if found is not None:
         found = replace(found, x=np.where([i in unknown for i in range(x0.size)], found.x, x0))
         e = errors(found.x)
-        found = _descended(errors, found, e, SWEEPS)[0] if np.abs(e).max() < LOST else None
+        found = _descended(errors, found, e, MAX_START_SWEEPS)[0] if np.abs(e).max() < DIVERGED_ERROR else None
     if found is None:
         shown = c.angular and position in s.start and position in problem.channels
         found = _sought(lambda x: run(x, size), x0, unknown, c.model.states.index(position) if shown else -1)
-        found = _descended(errors, found, errors(found.x), SWEEPS)[0] if longer else found
+        found = _descended(errors, found, errors(found.x), MAX_START_SWEEPS)[0] if longer else found
     c.starts[key] = replace(found, record=s)  # which keeps the identity its own
     return found.x
 
 
-def _unknown(problem: Problem, c: Candidate, s: Segment) -> dict[int, tuple[int, float]]:
+def _unknown(problem: Problem, c: Candidate, s: PreparedSegment) -> dict[int, tuple[int, float]]:
     """Return the states whose start is fitted: what each moves with or -1, by how much it may be off (0: as far as it
     gets from what it moves with). A velocity only where other channels than the position tell of it.
     """
@@ -205,11 +214,11 @@ def _unknown(problem: Problem, c: Candidate, s: Segment) -> dict[int, tuple[int,
             unknown[names.index(plant.position)] = (-1, 0.0)
     if c.angular and plant.position in s.start and plant.position in problem.channels:
         noise = float(problem.noise[problem.channels.index(plant.position)])
-        unknown[names.index(plant.position)] = (-1, SURE * noise)
+        unknown[names.index(plant.position)] = (-1, MAX_START_DEVIATIONS * noise)
     return unknown
 
 
-def _late_states(problem: Problem, s: Segment, lags: Array) -> dict[int, tuple[int, float]]:
+def _late_states(problem: Problem, s: PreparedSegment, lags: Array) -> dict[int, tuple[int, float]]:
     """Return the states of which a record first shows what they were before it, and how far they get in that time."""
     found = {}
     for y, (lag, state, _, marked) in zip(s.y.T, lags.tolist(), strict=False):
@@ -247,7 +256,7 @@ def _descended(errors: Callable[[Array], Array], start: Start, e: Array, most: i
             break
         moved = x - np.linalg.lstsq(products, changes @ e, rcond=1e-13)[0] @ near
         new = errors(moved)
-        gained, enough = e @ e - new @ new, SETTLED * (e @ e)
+        gained, enough = e @ e - new @ new, MIN_START_GAIN * (e @ e)
         if gained > 0:
             x, e = moved, new
         if not (gained > enough or (old and gained < -enough)):
@@ -256,9 +265,9 @@ def _descended(errors: Callable[[Array], Array], start: Start, e: Array, most: i
     return Start(x, near, changes), e
 
 
-def _moving(problem: Problem, s: Segment) -> bool:
+def _moving(problem: Problem, s: PreparedSegment) -> bool:
     """Tell whether a record starts in motion, for all that is known."""
-    return bool(abs(s.start.get(problem.base.plant.velocity, np.inf)) > RESTING * problem.scale.velocity)
+    return bool(abs(s.start.get(problem.base.plant.velocity, np.inf)) > MAX_REST_SPEED * problem.scale.velocity)
 
 
 __all__ = ["follow_records"]

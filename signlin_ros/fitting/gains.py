@@ -18,16 +18,16 @@ from signlin_ros.model import Model
 Array = NDArray[np.float64]
 Sizes = Mapping[str, float]
 """Sizes of channels or states, by name."""
-SETTLED = 25.0
+INITIAL_VARIANCE = 25.0
 """Variance of the initial state in variances of the measurement noise."""
 LOOP = 0.2
 """Time in s after which a servo's loop has about forgotten a disturbance."""
-MOST = 20_000
+MAX_GAIN_SAMPLES = 20_000
 """Samples after which a gain that has not settled is taken as it is."""
 
 
 @dataclass(frozen=True)
-class Gains:
+class ObserverGains:
     """Kalman gains (G, n, ny) for the states ``names`` and a time constant ``tau`` in s; ``weights`` (G, ny) of the
     first innovations; ``spread`` (2, n): variances that a step adds, and those at the start.
     """
@@ -72,22 +72,26 @@ def _process_noise(model: Model, states: tuple[str, ...], noise: Sizes, speed: f
     return wander**2
 
 
-def design(model: Model, noise: Sizes, sizes: Sizes, dt: float, tau: float, known: Sizes) -> Gains:
+def design(model: Model, noise: Sizes, sizes: Sizes, dt: float, tau: float, known: Sizes) -> ObserverGains:
     """Return the Kalman gains of the base model for a time constant tau (s); ``known``: how well states begin known."""
     states, A, C = linear_base(model, tuple(noise))
     added = _process_noise(model, states, noise, sizes.get(model.plant.velocity, 1.0), dt, tau)
-    first = {s: SETTLED * noise[s] ** 2 if s in noise else sizes.get(s, 1.0) ** 2 for s in states}
+    first = {s: INITIAL_VARIANCE * noise[s] ** 2 if s in noise else sizes.get(s, 1.0) ** 2 for s in states}
     begun = np.array([min(first[s], known.get(s, np.inf) ** 2) for s in states])
-    values, variances, seen = np.zeros((MOST, *C.T.shape)), np.zeros((MOST, len(C))), np.array([*noise.values()]) ** 2
+    values, variances, seen = (
+        np.zeros((MAX_GAIN_SAMPLES, *C.T.shape)),
+        np.zeros((MAX_GAIN_SAMPLES, len(C))),
+        np.array([*noise.values()]) ** 2,
+    )
     used = kalman_gains(expm(A * dt), np.ravel(C), np.diag(added), seen, np.diag(begun), values, variances)
     weights = np.sqrt(variances[used - 1] / variances[:used])
-    return Gains(tau, states, values[:used].copy(), weights, np.array([added, begun]))
+    return ObserverGains(tau, states, values[:used].copy(), weights, np.array([added, begun]))
 
 
-def uncorrected(states: tuple[str, ...], channels: int) -> Gains:
+def uncorrected(states: tuple[str, ...], channels: int) -> ObserverGains:
     """Return the gains of no observer: a free run, for a plant whose own loop keeps it near what was measured."""
     n = len(states)
-    return Gains(LOOP, states, np.zeros((1, n, channels)), np.ones((1, channels)), np.zeros((2, n)))
+    return ObserverGains(LOOP, states, np.zeros((1, n, channels)), np.ones((1, channels)), np.zeros((2, n)))
 
 
 def time_constants(dt: float, duration: float, horizon: float) -> tuple[float, ...]:
@@ -97,4 +101,4 @@ def time_constants(dt: float, duration: float, horizon: float) -> tuple[float, .
     return (high, middle, float(np.sqrt(middle * low)), low)
 
 
-__all__ = ["Gains", "design", "linear_base", "time_constants", "uncorrected"]
+__all__ = ["ObserverGains", "design", "linear_base", "time_constants", "uncorrected"]

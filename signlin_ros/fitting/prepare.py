@@ -10,20 +10,20 @@ from numpy.typing import NDArray
 
 from signlin_ros.errors import RecordError
 from signlin_ros.fitting.candidate import Candidate
-from signlin_ros.fitting.derived import LATE, lag, without_derived
+from signlin_ros.fitting.derived import MAX_UNTOLD_LAG, lag, without_derived
 from signlin_ros.fitting.fit import Fit
 from signlin_ros.fitting.following import follow_records
 from signlin_ros.fitting.problem import Problem, looks, prepare, stretch_of
 from signlin_ros.follow.data import measured_channels
 from signlin_ros.follow.segments import (
     LEAST_SAMPLES,
-    SHORT,
-    Segment,
+    MIN_SHARED_SAMPLES,
+    PreparedSegment,
     check_moving,
     constant_inputs,
     moves,
     pieces,
-    segment,
+    prepared_segment,
     with_measured_position,
 )
 from signlin_ros.follow.tracking import mean
@@ -31,13 +31,13 @@ from signlin_ros.model import Model
 from signlin_ros.noise import sensor_noise
 from signlin_ros.records import ModelData
 
-MOST, PARTS = 20_000, 10
+MAX_FIT_SAMPLES, FIT_SEGMENTS = 20_000, 10
 """Most samples that are fitted to, in so many stretches: more only make standard errors too small."""
 MOST_FOLDS = 6
 """Most parts of the records that are held out in turn."""
 CONDITIONS = 3
 """Least number of conditions that are held out in turn."""
-BETTER = 0.5
+MAX_REVERSED_RATIO = 0.5
 """Share of what is left without (RMS, geometric mean) that a reversed signal leaves, if its sign is in doubt."""
 
 
@@ -58,7 +58,7 @@ def held_out(data: Sequence[ModelData]) -> tuple[list[ModelData], list[ModelData
 
 
 def prepared(model: Model, first: Sequence[ModelData], second: Sequence[ModelData]) -> tuple[Problem, Problem]:
-    """Return the problems of known records and of unseen ones; raises `RecordError` where they tell too little."""
+    """Return the problems of training data and of unseen ones; raises `RecordError` where they tell too little."""
     data = [*first, *second]
     model = with_measured_position(model, data)
     channels = measured_channels(model, data)
@@ -75,7 +75,7 @@ def prepared(model: Model, first: Sequence[ModelData], second: Sequence[ModelDat
         notes += tuple(_derived(model, data, c) for c in channels if c not in own)
     notes += constant_inputs(model, data)
     problem = replace(prepare(model, known, own), notes=notes, parts=tuple(known))
-    segments = tuple(segment(problem.base, problem.channels, part) for part in unseen)
+    segments = tuple(prepared_segment(problem.base, problem.channels, part) for part in unseen)
     noise, other = (sensor_noise([(s.t, s.y) for s in one]) for one in (problem.segments, segments))
     rest = replace(problem, segments=segments, noise=other, notes=more, parts=tuple(unseen))
     return replace(problem, noise=noise), rest
@@ -101,35 +101,37 @@ def held_in_turn(model: Model, data: Sequence[ModelData]) -> tuple[Problem, Prob
 def _derived(model: Model, data: Sequence[ModelData], channel: str) -> str:
     """Return what is said of a channel that was computed from the position, and how late it is."""
     late, step = lag(model, data), float(np.median(np.diff(data[0].t)))
-    more = f", and lags {late:.2g} s behind it" if late > LATE * step else ""
+    more = f", and lags {late:.2g} s behind it" if late > MAX_UNTOLD_LAG * step else ""
     return f"{channel} was computed from {model.plant.position}{more}: it tells nothing more"
 
 
 def _cut(data: Sequence[ModelData], channels: tuple[str, ...]) -> tuple[list[ModelData], tuple[str, ...]]:
     """Return the pieces of records without gaps, and the notes on what is left out of them: records of less than
-    `SHORT` too, if the others have `LEAST_SAMPLES` together.
+    `MIN_SHARED_SAMPLES` too, if the others have `LEAST_SAMPLES` together.
     """
-    kept = [d for d in data if len(d) >= SHORT]
+    kept = [d for d in data if len(d) >= MIN_SHARED_SAMPLES]
     count = sum(map(len, kept))
     if count < LEAST_SAMPLES:
-        told = f"{len(data[0])} samples" if len(data) == 1 else f"{count} samples in runs of at least {SHORT}"
+        told = (
+            f"{len(data[0])} samples" if len(data) == 1 else f"{count} samples in runs of at least {MIN_SHARED_SAMPLES}"
+        )
         raise RecordError(f"{data[0].source}: {told}; at least {LEAST_SAMPLES} are needed")
-    lost = [f"{d.source}: {len(d)} samples are left out" for d in data if len(d) < SHORT]
+    lost = [f"{d.source}: {len(d)} samples are left out" for d in data if len(d) < MIN_SHARED_SAMPLES]
     found = [pieces(d, channels) for d in kept]
     return [part for parts, _ in found for part in parts], (*lost, *(note for _, notes in found for note in notes))
 
 
 def stretched(problem: Problem) -> Problem:
     """Return a problem on stretches of long records: half spread evenly, half where the model is most wrong."""
-    if problem.samples <= MOST or problem.base.plant.closed_loop:
+    if problem.samples <= MAX_FIT_SAMPLES or problem.base.plant.closed_loop:
         return problem
-    size = MOST // PARTS
+    size = MAX_FIT_SAMPLES // FIT_SEGMENTS
     places = [(s, first) for s in problem.segments for first in range(0, max(s.t.size - size, 0) + 1, size)]
     parts = [stretch_of(problem, s, first, size) for s, first in places]
     runs = [run.innovation for _, run in looks(problem.base, parts, problem.channels, problem.levels[1])]
     wrong = np.argsort([-np.mean(mean(left**2) / problem.noise**2) for left in runs]).tolist()
-    even = np.linspace(0, len(parts) - 1, PARTS // 2).astype(int).tolist()
-    chosen = list(dict.fromkeys([*even, *wrong]))[:PARTS]
+    even = np.linspace(0, len(parts) - 1, FIT_SEGMENTS // 2).astype(int).tolist()
+    chosen = list(dict.fromkeys([*even, *wrong]))[:FIT_SEGMENTS]
     return replace(problem, segments=tuple(parts[i] for i in sorted(chosen)))
 
 
@@ -141,12 +143,12 @@ def reversed_signal(problem: Problem, base: Fit, final: Fit) -> str:
     given, as_given = base.candidate, base.candidate.start()
     tried = ((_left(problem, given, as_given, segments), name) for name, segments in _with_one_reversed(problem))
     least, name = min(tried, default=(np.inf, ""))
-    if not least < BETTER * _left(problem, given, as_given, problem.segments):
+    if not least < MAX_REVERSED_RATIO * _left(problem, given, as_given, problem.segments):
         return ""
     return name if least < _left(problem, final.candidate, final.theta, problem.segments) else ""
 
 
-def _with_one_reversed(problem: Problem) -> Iterator[tuple[str, list[Segment]]]:
+def _with_one_reversed(problem: Problem) -> Iterator[tuple[str, list[PreparedSegment]]]:
     inputs, channels = problem.base.inputs, problem.channels
     for name, sign in zip(inputs, 1.0 - 2.0 * np.eye(len(inputs)), strict=True):
         yield name, [replace(s, u=s.u * sign) for s in problem.segments]
@@ -155,7 +157,7 @@ def _with_one_reversed(problem: Problem) -> Iterator[tuple[str, list[Segment]]]:
         yield name, [replace(s, y=s.y * sign, start=x) for s, x in zip(problem.segments, starts, strict=True)]
 
 
-def _left(problem: Problem, c: Candidate, theta: NDArray[np.float64], segments: Sequence[Segment]) -> float:
+def _left(problem: Problem, c: Candidate, theta: NDArray[np.float64], segments: Sequence[PreparedSegment]) -> float:
     """Return the RMS of what a model leaves of records at the middle gain, in multiples of the noise."""
     found = follow_records(problem, c, theta, problem.levels[1], False, segments)
     if found is None:

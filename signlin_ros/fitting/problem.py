@@ -11,18 +11,18 @@ from numpy.typing import NDArray
 
 from signlin_ros.comparison.equations import inertia
 from signlin_ros.errors import RecordError
-from signlin_ros.fitting.gains import Gains, design, time_constants, uncorrected
+from signlin_ros.fitting.gains import ObserverGains, design, time_constants, uncorrected
 from signlin_ros.follow.data import Early, cut, measured_channels, travelled
 from signlin_ros.follow.segments import (
-    Segment,
+    PreparedSegment,
     known_start,
+    prepared_segment,
     quanta,
-    segment,
     stand_still,
     with_measured_position,
     without,
 )
-from signlin_ros.follow.tracking import Run, Tracker, filled
+from signlin_ros.follow.tracking import TrackedRun, Tracker, filled
 from signlin_ros.mathops import NumpyMath
 from signlin_ros.model import Model
 from signlin_ros.noise import moving, noise_level, white_noise
@@ -32,9 +32,9 @@ from signlin_ros.records import ModelData
 from signlin_ros.scale import Scale
 
 Array = NDArray[np.float64]
-FASTEST, LOST = 4.0, 3.0
+MAX_WAVE_STEP, LOST_OVER_NOISE = 4.0, 3.0
 """Largest N v dt of a wave that samples show, v being the RMS velocity; noises below which a velocity is lost."""
-FEWEST, LONG, CHUNKS, LEAD = 2000, 6000, 4, 2000
+MIN_SEARCH_SAMPLES, MAX_SEARCH_SAMPLES, CHUNKS, LEADING_SAMPLES = 2000, 6000, 4, 2000
 """Starts are searched on half of the samples within these, in so many stretches; samples that lead to each."""
 
 
@@ -43,16 +43,16 @@ class Problem:
     """Everything that is the same for every candidate: the model as given (``base``), with a measured position as a
     state; ``noise`` (ny), white; ``levels``: gains from high to low; ``x_scale``: size of every state; ``units`` of the
     records; ``quanta`` (ny): steps in which a channel is shown, or 0; ``parts``: records without gaps, as given;
-    ``folds``: of unseen records that are known ones too, which segments are held out together, in turn;
+    ``folds``: of validation data that are known ones too, which segments are held out together, in turn;
     ``observers``: gains of what watches motion for a force that is missing, where ``levels`` are of free runs.
     """
 
     base: Model
     channels: tuple[str, ...]
-    segments: tuple[Segment, ...]
+    segments: tuple[PreparedSegment, ...]
     noise: Array
     scale: Scale
-    levels: tuple[Gains, ...]
+    levels: tuple[ObserverGains, ...]
     x_scale: dict[str, float]
     ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
@@ -60,7 +60,7 @@ class Problem:
     notes: tuple[str, ...] = ()
     parts: tuple[ModelData, ...] = ()
     folds: tuple[tuple[int, ...], ...] = ()
-    observers: tuple[Gains, ...] = ()
+    observers: tuple[ObserverGains, ...] = ()
 
     @functools.cached_property
     def short(self) -> Problem:
@@ -70,14 +70,14 @@ class Problem:
     @functools.cached_property
     def led(self) -> Problem:
         """The same, where effects remember what was before each stretch: half as much again takes it."""
-        most = min(max(FEWEST, self.samples // 2), LONG)
+        most = min(max(MIN_SEARCH_SAMPLES, self.samples // 2), MAX_SEARCH_SAMPLES)
         if self.samples <= most:
             return self
         if self.base.plant.closed_loop:  # whole records: a run in a loop forgets where it began, but not at once
             count = max(1, round(most * len(self.segments) / self.samples))
             at = np.linspace(0, len(self.segments) - 1, count).round().astype(int).tolist()
             return replace(self, segments=tuple(self.segments[i] for i in dict.fromkeys(at)))
-        chunks = CHUNKS if most > 2 * FEWEST else CHUNKS // 2
+        chunks = CHUNKS if most > 2 * MIN_SEARCH_SAMPLES else CHUNKS // 2
         parts, size = [], most // chunks
         for s in self.segments:
             share = max(1, round(chunks * s.t.size / self.samples))
@@ -104,7 +104,7 @@ class Problem:
     @property
     def fastest(self) -> float:
         """The largest order of a wave over the position that samples can tell."""
-        return FASTEST / max(self.scale.velocity * self.scale.step, 1e-300)
+        return MAX_WAVE_STEP / max(self.scale.velocity * self.scale.step, 1e-300)
 
     @property
     def turns(self) -> bool:
@@ -126,21 +126,21 @@ class Problem:
         return sum(s.t.size for s in self.segments)
 
 
-def stretch_of(problem: Problem, s: Segment, first: int, size: int) -> Segment:
+def stretch_of(problem: Problem, s: PreparedSegment, first: int, size: int) -> PreparedSegment:
     """Return a stretch of a record with what came before it, where effects take up what they remember."""
-    before = _part(problem, s, max(first - LEAD, 0), first + 1) if first else None
+    before = _part(problem, s, max(first - LEADING_SAMPLES, 0), first + 1) if first else None
     return replace(_part(problem, s, first, first + size), inner=first > 0, before=before)
 
 
-def _part(problem: Problem, s: Segment, first: int, last: int) -> Segment:
+def _part(problem: Problem, s: PreparedSegment, first: int, last: int) -> PreparedSegment:
     """Return a part of a record, from where that had led."""
     part = slice(first, last)
     t, u, y = s.t[part], s.u[part], s.y[part]
     start = known_start(problem.base, problem.channels, t, y) | _led_to(problem, s, first)
-    return Segment(t, u, y, start, s.source, False, cut(s.early, part), conditions=s.conditions)
+    return PreparedSegment(t, u, y, start, s.source, False, cut(s.early, part), conditions=s.conditions)
 
 
-def _led_to(problem: Problem, s: Segment, at: int) -> dict[str, float]:
+def _led_to(problem: Problem, s: PreparedSegment, at: int) -> dict[str, float]:
     """Return the position, not measured itself, to which an imposed or measured velocity has led at a sample."""
     plant, t = problem.base.plant, s.t[: at + 1]
     early: Early = 0.0
@@ -157,8 +157,8 @@ def _led_to(problem: Problem, s: Segment, at: int) -> dict[str, float]:
 
 
 def looks(
-    model: Model, segments: Sequence[Segment], channels: tuple[str, ...], gains: Gains
-) -> list[tuple[Tracker, Run]]:
+    model: Model, segments: Sequence[PreparedSegment], channels: tuple[str, ...], gains: ObserverGains
+) -> list[tuple[Tracker, TrackedRun]]:
     """Return what follows every record, and the base model held to it by an observer."""
     rows, wide, result = gains.rows(model.states), np.full(len(model.states), 1e9), []
     for s in segments:
@@ -171,7 +171,7 @@ def prepare(model: Model, data: Sequence[ModelData], channels: tuple[str, ...] |
     """Prepare records for fitting, by default in all channels that they measure; raises `RecordError` without one."""
     model = with_known(with_measured_position(model, data), data)
     channels = measured_channels(model, data) if channels is None else channels
-    segments = tuple(_of_known_direction(model, segment(model, channels, d)) for d in data)
+    segments = tuple(_of_known_direction(model, prepared_segment(model, channels, d)) for d in data)
     dt = float(np.median(np.concatenate([np.diff(s.t) for s in segments])))
     duration = max(float(s.t[-1] - s.t[0]) for s in segments)
     everything, noise = np.concatenate([s.y for s in segments]), white_noise([s.y for s in segments])
@@ -199,7 +199,7 @@ def prepare(model: Model, data: Sequence[ModelData], channels: tuple[str, ...] |
     )
 
 
-def _speed_of(model: Model, segments: Sequence[Segment], channels: tuple[str, ...]) -> dict[str, float]:
+def _speed_of(model: Model, segments: Sequence[PreparedSegment], channels: tuple[str, ...]) -> dict[str, float]:
     """Return the size of a velocity as the measured positions tell it; nothing where none is measured."""
     position, velocity = model.plant.position, model.plant.velocity
     if position not in channels or velocity not in model.states:
@@ -208,7 +208,9 @@ def _speed_of(model: Model, segments: Sequence[Segment], channels: tuple[str, ..
     return {velocity: float(max(np.nanstd(np.gradient(s.y[:, c], s.t)) for s in segments))}
 
 
-def _scale(model: Model, segments: Sequence[Segment], columns: dict[str, Array], dt: float, duration: float) -> Scale:
+def _scale(
+    model: Model, segments: Sequence[PreparedSegment], columns: dict[str, Array], dt: float, duration: float
+) -> Scale:
     """Return how large things are; ``columns`` (T,): states, inputs and a measured effort, record after record."""
 
     def rms(values: Array) -> float:
@@ -247,12 +249,12 @@ def with_known(model: Model, data: Sequence[ModelData]) -> Model:
     return model.with_options(frozen=tuple(dict.fromkeys(frozen)))
 
 
-def _of_known_direction(model: Model, s: Segment) -> Segment:
+def _of_known_direction(model: Model, s: PreparedSegment) -> PreparedSegment:
     """Return a record without samples where an imposed motion's direction is lost in noise, if they are rare."""
     if not model.plant.motion_is_imposed():
         return s
     v = s.u[:, model.inputs.index(model.plant.velocity)]
-    return replace(s, y=without(s.y, np.abs(v) < LOST * noise_level(s.t, v).sigma))
+    return replace(s, y=without(s.y, np.abs(v) < LOST_OVER_NOISE * noise_level(s.t, v).sigma))
 
 
 __all__ = ["Problem", "looks", "prepare", "stretch_of"]

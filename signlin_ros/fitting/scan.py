@@ -12,19 +12,19 @@ from signlin_ros.comparison.equations import inertia
 from signlin_ros.fitting.candidate import candidate
 from signlin_ros.fitting.fit import fit
 from signlin_ros.fitting.following import follow_records
-from signlin_ros.fitting.gains import Gains, linear_base
-from signlin_ros.fitting.problem import FASTEST, Problem, looks
+from signlin_ros.fitting.gains import ObserverGains, linear_base
+from signlin_ros.fitting.problem import MAX_WAVE_STEP, Problem, looks
 from signlin_ros.follow.data import travelled
 from signlin_ros.follow.tracking import filled
 from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
 
-LEAST, APART = 4.0, 6.0
+MIN_ORDER_TRAVEL, MIN_ORDER_DISTANCE = 4.0, 6.0
 """Least order, and least distance of two of them, times the way: two thirds of a wave, and about a line's width."""
-MOST, STEPS = 4, 6.0
+MAX_SPECTRUM_ORDERS, MIN_STEPS_PER_PERIOD = 4, 6.0
 """Most orders that are taken from one spectrum; steps of an encoder that a period must have, else it is its own."""
-SLOWEST, TRACE, SEEN = 0.8, 5.0, 30.0
+MIN_FAST_STEP, TRACE, MIN_TRACE_GAIN = 0.8, 5.0, 30.0
 """Smallest N v dt of a fast one, and least order times the way; for how many time constants of the observer it leaves a
 trace, and what that must take from the squares, in means of these: noise takes less at any of a thousand orders."""
 
@@ -59,13 +59,13 @@ def _matched(problem: Problem, model: Model, highest: float, count: int) -> list
         places = [halfway(model, s.t, X) for X, s in zip(run[2], problem.segments, strict=True)]
         whole = [fftconvolve(e[1:], seen[::-1], axes=0).sum(axis=1)[len(seen) - 1 :][: len(e) - 1] for e in left]
         q, rest = np.concatenate(places), np.concatenate([e[1:].ravel() for e in left])
-        slowest = SLOWEST / FASTEST * highest
+        slowest = MIN_FAST_STEP / MAX_WAVE_STEP * highest
         for order in _orders(q, np.gradient(q), np.concatenate(whole), highest, count, lines, slowest):
             waves = [np.exp(1j * order * one)[:, None] for one in places]
             trace = np.concatenate([fftconvolve(w, seen, axes=0)[: len(w)].ravel() for w in waves])
             basis = np.column_stack([trace.imag, trace.real])
             sine, cosine = np.linalg.lstsq(basis, rest, rcond=None)[0]
-            if np.sum((basis @ (sine, cosine)) ** 2) > SEEN * np.mean(rest**2):
+            if np.sum((basis @ (sine, cosine)) ** 2) > MIN_TRACE_GAIN * np.mean(rest**2):
                 starts.append((order, float(np.hypot(sine, cosine)), float(np.arctan2(-cosine, -sine))))
     return starts
 
@@ -78,7 +78,7 @@ def halfway(model: Model, t: Array, X: Array) -> Array:
     return np.asarray((q[1:] + q[:-1]) / 2)
 
 
-def response(problem: Problem, model: Model, gains: Gains) -> Array:
+def response(problem: Problem, model: Model, gains: ObserverGains) -> Array:
     """Return what an observer of the bare plant leaves (M, ny), over the noise, after a unit of acceleration."""
     states, A, C = linear_base(model, problem.channels)
     push, dt = (np.array(states) == model.plant.velocity)[:, None].astype(float), problem.scale.step
@@ -89,7 +89,7 @@ def response(problem: Problem, model: Model, gains: Gains) -> Array:
     return np.asarray((C @ x).T / problem.noise)
 
 
-def _corrections(problem: Problem, model: Model, gains: Gains) -> tuple[Array, Array, Array]:
+def _corrections(problem: Problem, model: Model, gains: ObserverGains) -> tuple[Array, Array, Array]:
     """Return position, velocity and the acceleration by which an observer corrects the base model, each (T,).
 
     What it corrects at a sample was missing since the one before: positions are those in between.
@@ -111,21 +111,23 @@ def periodic_starts(problem: Problem, model: Model) -> list[tuple[float, float, 
     lines = whole_orders(problem, highest)
     if model.plant.motion_is_imposed():
         q, v, force = _missing_force(problem, model)
-        return [_start(q, force, order, 1.0) for order in _orders(q, v, force, highest, MOST, lines)]
+        return [_start(q, force, order, 1.0) for order in _orders(q, v, force, highest, MAX_SPECTRUM_ORDERS, lines)]
     mass, starts = inertia(model), list[tuple[float, float, float]]()
     for gains in problem.observers[:2]:
         q, v, a = _corrections(problem, model, gains)
-        for order in _orders(q, v, a, highest, MOST - 1, lines):
+        for order in _orders(q, v, a, highest, MAX_SPECTRUM_ORDERS - 1, lines):
             N, A, phase = _start(q, a, order, mass)
             starts += [(N, A, phase), (N, A, phase + np.pi / 2)]  # the observer is late; the sign of A is free
-    return starts + [(N, A * mass, phase) for N, A, phase in _matched(problem, model, highest, MOST // 2)]
+    return starts + [
+        (N, A * mass, phase) for N, A, phase in _matched(problem, model, highest, MAX_SPECTRUM_ORDERS // 2)
+    ]
 
 
 def finest(problem: Problem) -> float:
     """Return the largest order that the steps in which a position is shown can tell; inf where none is measured so."""
     place = problem.base.plant.position
     step = float(problem.quanta[problem.channels.index(place)]) if place in problem.channels else 0.0
-    return 2 * np.pi / (STEPS * step) if step > 0.0 else np.inf
+    return 2 * np.pi / (MIN_STEPS_PER_PERIOD * step) if step > 0.0 else np.inf
 
 
 def whole_orders(problem: Problem, highest: float) -> Array:
@@ -150,11 +152,11 @@ def _orders(q: Array, v: Array, a: Array, highest: float, count: int, lines: Arr
     power = np.abs(spectrum) ** 2
     if lines.size:
         orders, power = lines, np.interp(lines, orders, power)
-    power = np.where((orders > LEAST / span) & (orders > lowest) & (orders <= highest), power, 0.0)
+    power = np.where((orders > MIN_ORDER_TRAVEL / span) & (orders > lowest) & (orders <= highest), power, 0.0)
     found: list[float] = []
     while len(found) < count and power.max() > 0:
         found.append(float(orders[int(np.argmax(power))]))
-        power[np.abs(orders - found[-1]) < APART / span] = 0.0
+        power[np.abs(orders - found[-1]) < MIN_ORDER_DISTANCE / span] = 0.0
     return found
 
 

@@ -22,16 +22,16 @@ PathName = str | os.PathLike[str]
 Early = float | Array
 """By how many s the rows of an input precede their samples: all alike, or each (T,); negative where they follow."""
 
-SHORTEST = 20
+MIN_SEGMENT_SAMPLES = 20
 """A stretch between gaps needs this many samples."""
-SLOW = ((1e5, "ns"), (500.0, "us"), (0.5, "ms"))
+STEP_UNITS = ((1e5, "ns"), (500.0, "us"), (0.5, "ms"))
 """Steps in s from which on a time is rather in another unit."""
 DRIFT = 51
 """Samples over which an imposed velocity and displacement are held together."""
 
 
 @dataclass(frozen=True, eq=False)
-class Stretch:
+class Segment:
     """Samples without a gap: t (T,) s, u (T, m), y (T, channels) true values with NaN for missing samples.
 
     ``source`` names the record, ``record`` counts them from 0; ``first`` is where the stretch begins in it.
@@ -87,7 +87,7 @@ def load_sides(
 
 def unit_asked(step: float) -> str:
     """Return a question after the unit of a time whose steps, taken as s, are that long; nothing where they may be."""
-    unit = next((unit for least, unit in SLOW if step >= least), "")
+    unit = next((unit for least, unit in STEP_UNITS if step >= least), "")
     return f"; is the time in {unit}? Then name its column t [{unit}]" if unit else ""
 
 
@@ -191,7 +191,7 @@ def cut(early: Early, part: slice) -> Early:
     return early[part] if isinstance(early, np.ndarray) else early
 
 
-def stretches(model: Model, data: Sequence[ModelData], channels: tuple[str, ...]) -> tuple[list[Stretch], list[str]]:
+def stretches(model: Model, data: Sequence[ModelData], channels: tuple[str, ...]) -> tuple[list[Segment], list[str]]:
     """Cut records at their gaps; returns the stretches, and notes on gaps and on what is too short to be used."""
     found, notes = [], []
     for number, record in enumerate(data):
@@ -203,14 +203,14 @@ def stretches(model: Model, data: Sequence[ModelData], channels: tuple[str, ...]
         notes += late
         for first, last in parts:
             part = slice(first, last)
-            if last - first >= SHORTEST and np.isfinite(y[part]).any():
+            if last - first >= MIN_SEGMENT_SAMPLES and np.isfinite(y[part]).any():
                 u, known, early = driving(model, record.part(first, last))
                 own = record.conditions
-                found.append(Stretch(record.t[part], u, y[part], record.source, number, first, known, early, own))
+                found.append(Segment(record.t[part], u, y[part], record.source, number, first, known, early, own))
             else:
                 notes.append(f"{record.source}: {last - first} samples at t = {record.t[first]:.6g} s are left out")
     if not found:
-        raise RecordError(f"{data[0].source}: fewer than {SHORTEST} samples without a gap")
+        raise RecordError(f"{data[0].source}: fewer than {MIN_SEGMENT_SAMPLES} samples without a gap")
     return found, notes
 
 
@@ -256,9 +256,9 @@ def corrected(model: Model, record: ModelData, name: str) -> Array:
 
 
 __all__ = [
-    "SHORTEST",
+    "MIN_SEGMENT_SAMPLES",
     "Early",
-    "Stretch",
+    "Segment",
     "acting",
     "arriving",
     "as_list",

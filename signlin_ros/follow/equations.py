@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 Pattern = NDArray[np.bool_]
 KINKED = 3
 """Least number of substeps where a kink is crossed inside a step, which lowers the order."""
-OFF, UNDAMPED = 1e-3, 0.005
+OFF, MIN_COUNTED_DAMPING = 1e-3, 0.005
 """Largest error of a resonance's frequency, as a part of its width, and the least damping ratio that counts."""
 STEEP = 1e4
 """Where a model has several switching surfaces, all but the first are smoothed to tanh(STEEP g / scale)."""
@@ -103,7 +103,7 @@ class Equations:
             return np.inf
         own, size = scale[lasting], np.abs(rates)
         fastest = np.sqrt(np.max((np.abs(J @ J) * own / own[:, None]).sum(axis=1)))
-        damping = np.maximum(-rates.real / size, UNDAMPED)
+        damping = np.maximum(-rates.real / size, MIN_COUNTED_DAMPING)
         return float(fastest * np.min((240.0 * OFF * damping) ** 0.25 / size))
 
     @property

@@ -17,14 +17,14 @@ Array = NDArray[np.float64]
 
 FIRST_PART = 2.0
 """The initial state is fitted to so many seconds first, then to the whole stretch."""
-FAR = 1e3
+DIVERGED_RATIO = 1e3
 """A run that goes so many times further than anything measured has diverged for all purposes."""
 EVALUATIONS = 12
 PRIOR = 3.0
 """The reach of an initial state is so many standard deviations of what is known of it beforehand."""
-SAMPLES = 50
+MIN_START_SAMPLES = 50
 """An initial state is fitted to at least so many samples."""
-LONGEST = 200_000
+MAX_START_FIT_SAMPLES = 200_000
 """Samples beyond which a record tells no more of its start."""
 
 
@@ -42,9 +42,9 @@ def free_run(tracker: Tracker, rough: Array, reach: Array, noise: Array) -> Free
     """Run freely from the best initial state found; ``rough`` (n,) is the first measured one, ``reach`` (n,) how far
     from it the true one may be, ``noise`` (ny,) that of the channels. It is never worse than the run from ``rough``.
     """
-    first = max(int(np.searchsorted(tracker.t, tracker.t[0] + FIRST_PART)), SAMPLES)
+    first = max(int(np.searchsorted(tracker.t, tracker.t[0] + FIRST_PART)), MIN_START_SAMPLES)
     near = fitted_start(tracker, rough, reach, noise, first)
-    candidates = [fitted_start(tracker, near, reach, noise, min(tracker.t.size, LONGEST)), near, rough]
+    candidates = [fitted_start(tracker, near, reach, noise, min(tracker.t.size, MAX_START_FIT_SAMPLES)), near, rough]
     runs = [_simulated(tracker, x0) for x0 in candidates]
     good = [run for run in runs if not run.why]
     return min(good, key=lambda run: _cost(tracker, run.shown)) if good else runs[-1]
@@ -62,7 +62,7 @@ def fitted_start(tracker: Tracker, start: Array, reach: Array, noise: Array, sam
 
     def errors(shift: Array) -> Array:
         e = short.run(start + shift * reach).innovation / unit
-        left = np.where(np.isfinite(short.y), np.nan_to_num(e, nan=FAR / 1e-6), 0.0)
+        left = np.where(np.isfinite(short.y), np.nan_to_num(e, nan=DIVERGED_RATIO / 1e-6), 0.0)
         return np.concatenate([left.ravel(), PRIOR * shift])
 
     found = least_squares(errors, np.zeros(start.size), bounds=(-1.0, 1.0), diff_step=1e-4, max_nfev=EVALUATIONS)
@@ -78,8 +78,8 @@ def _simulated(tracker: Tracker, x0: Array) -> FreeRun:
         return FreeRun(x0, nothing, np.full(tracker.y.shape, np.nan), str(error).removeprefix(f"{model.source}: "))
     shown = tracker.outputs(states)
     size = np.max(np.abs(np.nan_to_num(tracker.y)), axis=0)
-    beyond = np.flatnonzero((np.abs(shown) > FAR * np.where(size > 0, size, np.inf)).any(axis=1))
-    why = f"the free run leaves all that was measured {FAR:g} times behind" if beyond.size else ""
+    beyond = np.flatnonzero((np.abs(shown) > DIVERGED_RATIO * np.where(size > 0, size, np.inf)).any(axis=1))
+    why = f"the free run leaves all that was measured {DIVERGED_RATIO:g} times behind" if beyond.size else ""
     return FreeRun(x0, states, shown, why + (f" at t = {tracker.t[beyond[0]]:.6g} s" if why else ""))
 
 
@@ -103,4 +103,4 @@ def _variances(tracker: Tracker) -> Array:
     return np.where((square > 0) & np.isfinite(square), square, 1.0)
 
 
-__all__ = ["SAMPLES", "FreeRun", "fitted_start", "free_run"]
+__all__ = ["MIN_START_SAMPLES", "FreeRun", "fitted_start", "free_run"]

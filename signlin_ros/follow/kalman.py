@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from signlin_ros.engine.compiling import compiled, inlined, inner
+from signlin_ros.follow.interval import carry_step
 from signlin_ros.follow.slopes import differentiated
-from signlin_ros.follow.stretch import carry
 
 
 @inlined
@@ -50,7 +50,7 @@ def spread(address, sizes, first, last, h, process, P, step, W):
     """
     n = P.shape[0]
     for _ in range(2):
-        carry(address, sizes, first, last, h, P, step, W)
+        carry_step(address, sizes, first, last, h, P, step, W)
         for i in range(n):
             for j in range(i):
                 P[i, j], P[j, i] = P[j, i], P[i, j]

@@ -23,23 +23,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.engine.compiling import call_among, compiled, copied, inner
+from signlin_ros.follow.interval import MAX_DECAY_STEP, advance, fastest_rate, rate_ahead, split_rates
 from signlin_ros.follow.kalman import averaged, fill_gains, spread
 from signlin_ros.follow.slopes import differentiated, evaluated, keep, linearized, settle
 from signlin_ros.follow.steps import LANES
-from signlin_ros.follow.stretch import LOST, advance, fastest_rate, rate_ahead, split_rates
 
 Array = NDArray[np.float64]
-MOST = 20
+MAX_SUBSTEPS = 20
 """Most substeps between two samples."""
-REACH = 0.8
+MAX_STABLE_STEP = 0.8
 """Largest product of a substep and the fastest rate of the model, for so many substeps"""
-FEW = 4
+FEW_SUBSTEPS = 4
 """and"""
-STIFF = 2.0
+STIFF_STEP = 2.0
 """of further substeps: what is so fast has come to rest within a sample (unless a Kalman filter watches it closely)."""
 STABLE = 3.0
 """Times as fast as it is here, beyond which the rate that the motion leads to counts: the method is unstable there."""
-LEAST = 2
+MIN_EXACT_SUBSTEPS = 2
 """Least number of substeps in which what decays is integrated exactly, if these are fewer than others would be."""
 
 
@@ -255,22 +255,30 @@ def _follow(code, sizes, t, u, y, gains, scale, acts, ringing, lags, belief, noi
                 if averaged(code, sizes, z, out, x, mode, s, belief, P, first):
                     evaluated(head, sizes, z, out, mode, s)
             span, decays = end - begin, False
-            reach = span * fastest_rate(code[2], kept, ratio, fastest) / REACH
-            least = max(sizes[8], int(min(MOST, np.ceil(span * np.sqrt(fastest[1]) / ringing))))
+            reach = span * fastest_rate(code[2], kept, ratio, fastest) / MAX_STABLE_STEP
+            least = max(sizes[8], int(min(MAX_SUBSTEPS, np.ceil(span * np.sqrt(fastest[1]) / ringing))))
             if sizes[9] < n:
-                ahead = span * rate_ahead(code, sizes, z, out, x, span, mode, s, work, ratio, fastest) / REACH
+                ahead = span * rate_ahead(code, sizes, z, out, x, span, mode, s, work, ratio, fastest) / MAX_STABLE_STEP
                 if ahead > STABLE * max(reach, 1.0):
                     reach = ahead
                 else:
                     for i in range(sizes[9], n):
                         work[1][3, i] = 0.0
-            wanted = np.ceil(reach if aware or reach < FEW else FEW + (reach - FEW) * REACH / STIFF)
-            substeps = int(min(MOST, max(least, wanted)))
-            if wanted > FEW and not aware:
-                rest = span * split_rates(code, sizes, z, out, x, span, mode, s, work, ratio, fastest, LOST, W) / REACH
+            wanted = np.ceil(
+                reach
+                if aware or reach < FEW_SUBSTEPS
+                else FEW_SUBSTEPS + (reach - FEW_SUBSTEPS) * MAX_STABLE_STEP / STIFF_STEP
+            )
+            substeps = int(min(MAX_SUBSTEPS, max(least, wanted)))
+            if wanted > FEW_SUBSTEPS and not aware:
+                rest = (
+                    span
+                    * split_rates(code, sizes, z, out, x, span, mode, s, work, ratio, fastest, MAX_DECAY_STEP, W)
+                    / MAX_STABLE_STEP
+                )
                 decays = rest < substeps - 1
                 if decays and not _any(W[5], sizes[9]):
-                    substeps = int(max(LEAST, least, np.ceil(rest)))
+                    substeps = int(max(MIN_EXACT_SUBSTEPS, least, np.ceil(rest)))
             if not decays:
                 for i in range(n):
                     W[5, i] = 0.0
@@ -310,4 +318,13 @@ def _follow(code, sizes, t, u, y, gains, scale, acts, ringing, lags, belief, noi
     return total
 
 
-__all__ = ["FEW", "LEAST", "MOST", "NONE_LATE", "REACH", "STIFF", "Array", "follow"]
+__all__ = [
+    "FEW_SUBSTEPS",
+    "MAX_STABLE_STEP",
+    "MAX_SUBSTEPS",
+    "MIN_EXACT_SUBSTEPS",
+    "NONE_LATE",
+    "STIFF_STEP",
+    "Array",
+    "follow",
+]

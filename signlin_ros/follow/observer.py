@@ -2,7 +2,7 @@
 
 A Kalman filter takes the nonlinear model for its prediction and a constant gain, designed at the model's median
 slopes with a disturbance on every equation of the plant that is not mere kinematics. The disturbance has the size of
-``trust`` times what the equation usually holds, for `PERSISTENCE` seconds. A large ``trust`` follows the
+``trust`` times what the equation usually holds, for `MODEL_ERROR_PERSISTENCE` seconds. A large ``trust`` follows the
 measurements, a small one the model.
 """
 
@@ -15,10 +15,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.follow.data import Stretch
-from signlin_ros.follow.freerun import SAMPLES, fitted_start
+from signlin_ros.follow.data import Segment
+from signlin_ros.follow.freerun import MIN_START_SAMPLES, fitted_start
 from signlin_ros.follow.tracking import (
-    Run,
+    TrackedRun,
     Tracker,
     discrete,
     driven,
@@ -31,18 +31,18 @@ from signlin_ros.noise import Noise
 
 Array = NDArray[np.float64]
 
-PERSISTENCE = 0.1
+MODEL_ERROR_PERSISTENCE = 0.1
 """How long, in s, an error of the model lasts in the observer's picture of it."""
-TRUSTS = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0)
+OBSERVER_TRUSTS = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0)
 """Shares by which a model may be wrong, from hardly to wholly."""
-SLOPES = 2000
+SLOPE_SAMPLES = 2000
 """Slopes are taken at about this many samples."""
-NOISY, FREE = 6.0, 3.0
+MAX_START_NOISE, MAX_START_RMS = 6.0, 3.0
 """An initial state is at most so many standard deviations of its noise, or so many RMS, away from what is known."""
 
 
 @dataclass(frozen=True)
-class Design:
+class ObserverDesign:
     """A constant observer: transition A (n, n), outputs C (ny, n), gain K (n, ny), and what smoothing needs.
 
     ``back`` (n, n) and ``weigh`` (n, ny): r_(k-1) = weigh e_k + back r_k; ``spread`` (n, n): disturbance of the states'
@@ -67,7 +67,7 @@ class Observer:
     """
 
     def __init__(
-        self, model: Model, stretches: Sequence[Stretch], channels: tuple[str, ...], noise: Sequence[Noise]
+        self, model: Model, stretches: Sequence[Segment], channels: tuple[str, ...], noise: Sequence[Noise]
     ) -> None:
         self.model, self.stretches, self.channels, self.noise = model, list(stretches), channels, list(noise)
         models = [model.under(s.conditions) for s in self.stretches]
@@ -86,21 +86,21 @@ class Observer:
     @cached_property
     def reach(self) -> Array:
         """How far a measured state, or one that is not measured, may be from the truth (n,)."""
-        noisy = {name: NOISY * n.effective for name, n in zip(self.channels, self.noise, strict=True)}
-        free = FREE * self.scale
+        noisy = {name: MAX_START_NOISE * n.effective for name, n in zip(self.channels, self.noise, strict=True)}
+        free = MAX_START_RMS * self.scale
         return np.maximum([noisy.get(s, x) for s, x in zip(self.model.states, free, strict=True)], 1e-9 * self.scale)
 
     @cached_property
     def starts(self) -> list[Array]:
         """The state (n,) at the first sample of every stretch, from its first samples."""
         pairs = zip(self.trackers, self.rough, strict=True)
-        return [fitted_start(tracker, x[0], self.reach, self.effective, SAMPLES) for tracker, x in pairs]
+        return [fitted_start(tracker, x[0], self.reach, self.effective, MIN_START_SAMPLES) for tracker, x in pairs]
 
     @cached_property
     def _slopes(self) -> tuple[Array, Array, Array]:
         """Median dF/dx (n, n) and dh/dx (ny, n), and RMS of F (n,), over the stretches."""
         parts = [tracker.linearized(x) for tracker, x in zip(self.trackers, self.rough, strict=True)]
-        every = max(1, sum(x.shape[0] for x in self.rough) // SLOPES)
+        every = max(1, sum(x.shape[0] for x in self.rough) // SLOPE_SAMPLES)
         rates, A, C = (np.concatenate(p)[::every] for p in zip(*parts, strict=True))
         return np.median(A, axis=0), np.median(C, axis=0), np.sqrt(np.mean(rates**2, axis=0))
 
@@ -124,11 +124,11 @@ class Observer:
         found = {}
         for i in self.disturbed:
             intensity = np.zeros(len(rates))
-            intensity[i] = max(rates[i], 1e-12) ** 2 * PERSISTENCE
+            intensity[i] = max(rates[i], 1e-12) ** 2 * MODEL_ERROR_PERSISTENCE
             transition, found[i], held = discrete(A, intensity, self.step)
         return transition, held, found
 
-    def design(self, trust: float | Mapping[int, float]) -> Design:
+    def design(self, trust: float | Mapping[int, float]) -> ObserverDesign:
         """Design the observer of a model that is wrong by a share ``trust``, one for all or by index of the state."""
         C = self._slopes[1]
         shares = trust if isinstance(trust, Mapping) else dict.fromkeys(self.disturbed, trust)
@@ -141,13 +141,13 @@ class Observer:
         back = (A @ (np.eye(len(A)) - K @ C)).T
         step = np.asarray(held * self.step)
         spread = np.asarray(np.linalg.solve(step, Q))
-        return Design(A, C, K, back, np.linalg.solve(S, C).T, spread, step)
+        return ObserverDesign(A, C, K, back, np.linalg.solve(S, C).T, spread, step)
 
-    def runs(self, design: Design) -> list[Run]:
+    def runs(self, design: ObserverDesign) -> list[TrackedRun]:
         """Follow every stretch, from what its first samples tell of its start."""
         return [tracker.run(x0, design.K[None]) for tracker, x0 in zip(self.trackers, self.starts, strict=True)]
 
-    def states(self, design: Design) -> list[Array]:
+    def states(self, design: ObserverDesign) -> list[Array]:
         """Return the causal estimate (T, n) of the states of every stretch, each from the samples up to its own."""
         return [r.state + np.nan_to_num(r.innovation) @ design.K.T for r in self.runs(design)]
 
@@ -155,11 +155,11 @@ class Observer:
     def best_states(self) -> list[Array]:
         """The states (T, n) of every stretch from the observer whose one-step predictions are best."""
         found = []
-        for trust in TRUSTS:
+        for trust in OBSERVER_TRUSTS:
             design = self.design(trust)
             errors = np.concatenate([run.innovation for run in self.runs(design)])
             found.append((float(np.sum(np.log(mean_square(errors) + 1e-300))), trust, design))
         return self.states(min(found, key=lambda item: item[:2])[2])
 
 
-__all__ = ["TRUSTS", "Design", "Observer"]
+__all__ = ["OBSERVER_TRUSTS", "Observer", "ObserverDesign"]

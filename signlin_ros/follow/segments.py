@@ -1,4 +1,4 @@
-"""Records cut and started as the motion witness follows them, and what in them moves."""
+"""Records cut and started as the output-error estimate follows them, and what in them moves."""
 
 from __future__ import annotations
 
@@ -12,30 +12,30 @@ from signlin_ros.errors import RecordError, joined
 from signlin_ros.follow.data import Early, corrected, driving, measured_parts
 from signlin_ros.follow.outliers import without_outliers
 from signlin_ros.model import Model
-from signlin_ros.noise import STILL, fourth_difference_noise, moving
+from signlin_ros.noise import STANDSTILL_SHARE, fourth_difference_noise, moving
 from signlin_ros.records import ModelData
 
 Array = NDArray[np.float64]
 LEAST_SAMPLES = 100
 """A record needs so many samples."""
-LEAST_PART, SHORT = LEAST_SAMPLES // 2, LEAST_SAMPLES // 4
+MIN_PART_SAMPLES, MIN_SHARED_SAMPLES = LEAST_SAMPLES // 2, LEAST_SAMPLES // 4
 """Its parts between gaps, or several records, need half of them, or a quarter, where they have as many only together:
 what is simulated through a gap tells nothing.
 """
-EVEN = 0.5
+MIN_STEP_SHARE = 0.5
 """A channel is shown in steps if more than this share of the distances between its values are the same."""
-SLOPES, CONFIDENT = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256), 2.0
+VELOCITY_SAMPLES, CONFIDENT = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256), 2.0
 """Samples that the first velocity is taken from, and half the width of its confidence interval in standard errors."""
-DOUBT = 3.0
+MAX_RATE_DISTANCE = 3.0
 """Times the distance between an imposed state, put together from rates, and its measurements by which it may be off."""
-SLOWEST = 0.1
+MIN_START_SPEED = 0.1
 """Least speed in rad/s of a servo by which one that nobody measured may be off where a record starts."""
-RARE = 0.05
+MAX_UNKNOWN_DIRECTION = 0.05
 """Share of the samples up to which those where the direction of an imposed velocity is not known are left out."""
 
 
 @dataclass(frozen=True)
-class Segment:
+class PreparedSegment:
     """One record: t (T,) s, u (T, m), y (T, ny) with NaN for missing, and where it starts, by state.
 
     ``whole``: whether what an effect remembers at the start is fitted; not so for stretches and windows of a record.
@@ -54,7 +54,7 @@ class Segment:
     whole: bool = True
     early: Early = 0.0
     inner: bool = False
-    before: Segment | None = None
+    before: PreparedSegment | None = None
     doubt: dict[str, float] = field(default_factory=dict)
     conditions: Mapping[str, float] = field(default_factory=dict)
 
@@ -90,7 +90,7 @@ def constant_inputs(model: Model, data: Sequence[ModelData]) -> tuple[str, ...]:
     notes, optional = [], model.plant.optional_inputs
     for record in data:
         for name, values in zip(model.inputs, record.u.T, strict=True):
-            if name in optional or not values.size or np.ptp(values) > STILL * np.max(np.abs(values)):
+            if name in optional or not values.size or np.ptp(values) > STANDSTILL_SHARE * np.max(np.abs(values)):
                 continue
             if values[0] == 0.0:
                 why = "right where nothing drives, as in a free decay; else it was not recorded"
@@ -101,13 +101,13 @@ def constant_inputs(model: Model, data: Sequence[ModelData]) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def quanta(segments: Sequence[Segment]) -> Array:
+def quanta(segments: Sequence[PreparedSegment]) -> Array:
     """Return the step (ny) in which every channel is shown, 0 where there is none."""
     found = []
     for values in np.concatenate([s.y for s in segments]).T:
         steps = np.diff(np.unique(values[np.isfinite(values)]))
         step = float(np.median(steps)) if steps.size > 2 else 0.0
-        even = np.mean(np.abs(steps - step) < 0.01 * step) > EVEN
+        even = np.mean(np.abs(steps - step) < 0.01 * step) > MIN_STEP_SHARE
         found.append(step if even else 0.0)
     return np.array(found)
 
@@ -119,21 +119,23 @@ def with_measured_position(model: Model, data: Sequence[ModelData]) -> Model:
     return model
 
 
-def segment(model: Model, channels: tuple[str, ...], data: ModelData) -> Segment:
+def prepared_segment(model: Model, channels: tuple[str, ...], data: ModelData) -> PreparedSegment:
     """Return one record as arrays, with the state that it starts from."""
     y = np.ascontiguousarray(np.column_stack([data.measured[c] for c in channels]))
     held, known, early = driving(model, data)
     t, u = np.ascontiguousarray(data.t), np.ascontiguousarray(held)
     y = without(y, _turned(model, data, u))
     start = {name: float(values[0]) for name, values in known.items()}
-    doubt = {name: DOUBT * _apart(values, corrected(model, data, name)) for name, values in known.items()}
+    doubt = {name: MAX_RATE_DISTANCE * _apart(values, corrected(model, data, name)) for name, values in known.items()}
     start = known_start(model, channels, t, y) | start
     if model.plant.closed_loop:  # a free run starts from what was measured, whatever it is compared with
         first = {n: float(data.measured[n][0]) for n in model.states if n in data.measured}
         start |= {n: x for n, x in first.items() if np.isfinite(x)}
         speed = model.plant.velocity
-        doubt |= {} if np.isfinite(first.get(speed, np.nan)) else {speed: max(abs(start.get(speed, 0.0)), SLOWEST)}
-    return Segment(t, u, y, start, data.source, early=early, doubt=doubt, conditions=data.conditions)
+        doubt |= (
+            {} if np.isfinite(first.get(speed, np.nan)) else {speed: max(abs(start.get(speed, 0.0)), MIN_START_SPEED)}
+        )
+    return PreparedSegment(t, u, y, start, data.source, early=early, doubt=doubt, conditions=data.conditions)
 
 
 def _apart(values: Array, measured: Array) -> float:
@@ -164,7 +166,7 @@ def _first_slope(t: Array, values: Array) -> float:
     there = np.flatnonzero(np.isfinite(values))
     noise = fourth_difference_noise(values)
     low, high, slope = -np.inf, np.inf, 0.0
-    for count in SLOPES:
+    for count in VELOCITY_SAMPLES:
         if count > there.size:
             break
         at = t[there[:count]] - t[there[0]]
@@ -181,13 +183,13 @@ def _first_slope(t: Array, values: Array) -> float:
 
 def pieces(data: ModelData, channels: tuple[str, ...]) -> tuple[list[ModelData], list[str]]:
     """Cut a record at its gaps in time, each piece from where the channels are measured. Pieces of less than
-    `LEAST_SAMPLES` are left out, or where none has as many those of less than `LEAST_PART`, or `SHORT`, if the others
-    have as many together. Returns notes on outliers, and on what is left out.
+    `LEAST_SAMPLES` are left out, or where none has as many those of less than `MIN_PART_SAMPLES`, or
+    `MIN_SHARED_SAMPLES`, if the others have as many together. Returns notes on outliers, and on what is left out.
     """
     data, notes = without_outliers(data, channels)
     edges, late = measured_parts(data, channels, np.column_stack([data.measured[c] for c in channels]))
     sizes = [last - first for first, last in edges]
-    allowed = (LEAST_SAMPLES, LEAST_PART, SHORT)
+    allowed = (LEAST_SAMPLES, MIN_PART_SAMPLES, MIN_SHARED_SAMPLES)
     least = next((n for n in allowed if sum(size for size in sizes if size >= n) >= LEAST_SAMPLES), 0)
     if not least:
         through = f"{data.source}: the parts between its gaps are too short to be taken by themselves"
@@ -207,21 +209,21 @@ def _turned(model: Model, data: ModelData, u: Array) -> NDArray[np.bool_]:
 
 def without(y: Array, unknown: NDArray[np.bool_]) -> Array:
     """Return measurements (T, ny) without those where something is unknown (T,), if that is rare."""
-    return y if unknown.mean() > RARE or not unknown.any() else np.where(unknown[:, None], np.nan, y)
+    return y if unknown.mean() > MAX_UNKNOWN_DIRECTION or not unknown.any() else np.where(unknown[:, None], np.nan, y)
 
 
 __all__ = [
-    "LEAST_PART",
     "LEAST_SAMPLES",
-    "SHORT",
-    "Segment",
+    "MIN_PART_SAMPLES",
+    "MIN_SHARED_SAMPLES",
+    "PreparedSegment",
     "check_moving",
     "constant_inputs",
     "known_start",
     "moves",
     "pieces",
+    "prepared_segment",
     "quanta",
-    "segment",
     "stand_still",
     "twin",
     "with_measured_position",

@@ -13,21 +13,21 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from signlin_ros.follow.data import Early, Stretch, acting
+from signlin_ros.follow.data import Early, Segment, acting
 from signlin_ros.follow.equations import equations, neutral_sensors
 from signlin_ros.follow.loop import NONE_LATE, follow
 from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
 
-DOUBLINGS = 14
+RICCATI_DOUBLINGS = 14
 """The Riccati equation is followed over 2^14 samples: what is not observable never settles."""
-LARGE = 8.0
+MAX_EXPONENT_NORM = 8.0
 """Norm of a matrix beyond which nothing is left of its smallest parts in its exponential."""
 
 
 @dataclass(frozen=True)
-class Run:
+class TrackedRun:
     """A stretch followed: innovation (T, channels) and state before its correction (T, n).
 
     ``stopped`` is the sample at which the run left all bounds, None if it did not; what follows it is NaN.
@@ -69,7 +69,7 @@ class Tracker:
             return None
         return np.asarray(self.t - self.early + self.model.early * float(np.median(np.diff(self.t))))
 
-    def run(self, x0: Array, gains: Array | None = None) -> Run:
+    def run(self, x0: Array, gains: Array | None = None) -> TrackedRun:
         """Follow from x0 (n,); ``gains`` (G, n, channels) of the first G samples, the last for all others."""
         e, n, ny, total = self._equations, self.scale.size, len(self.channels), self.t.size
         gains = np.zeros((1, n, ny)) if gains is None else np.ascontiguousarray(gains)
@@ -80,9 +80,9 @@ class Tracker:
         rest = (NONE_LATE, np.zeros((3, 0)), np.ones(ny), innovation, np.zeros((0, ny, 0)), state)
         done = follow(e.calls(False), e.flags(False), *record, *rest)
         innovation[done:], state[done:] = np.nan, np.nan
-        return Run(innovation, state, int(done) if done < total else None)
+        return TrackedRun(innovation, state, int(done) if done < total else None)
 
-    def restarted(self, states: Array, at: Sequence[int]) -> Run:
+    def restarted(self, states: Array, at: Sequence[int]) -> TrackedRun:
         """Follow the model itself, started anew from ``states`` (T, n) at the samples ``at``, and at the first one."""
         n = self.scale.size
         gains = np.zeros((self.t.size, n, n))
@@ -141,7 +141,7 @@ def mean_square(values: Array) -> Array:
     return np.where(good.any(axis=0), mean(values**2), np.inf)
 
 
-def measured_states(model: Model, stretch: Stretch, channels: tuple[str, ...]) -> dict[str, Array]:
+def measured_states(model: Model, stretch: Segment, channels: tuple[str, ...]) -> dict[str, Array]:
     """Return the states that a stretch measures or imposes, without holes, a velocity from its position if need be."""
     columns = {c: stretch.y[:, i] for i, c in enumerate(channels) if c in model.states}
     found = {c: filled(stretch.t, v) for c, v in columns.items() if np.isfinite(v).any()} | dict(stretch.known)
@@ -184,7 +184,7 @@ def discrete(A: Array, intensity: Array, dt: float) -> tuple[Array, Array, Array
     taken over a part of dt, which is doubled until it is dt.
     """
     n = A.shape[0]
-    doublings = int(np.ceil(np.log2(max(np.linalg.norm(A, 1) * dt / LARGE, 1.0))))
+    doublings = int(np.ceil(np.log2(max(np.linalg.norm(A, 1) * dt / MAX_EXPONENT_NORM, 1.0))))
     part = dt / 2**doublings
     block = np.zeros((2 * n, 2 * n))
     block[:n, :n], block[:n, n:], block[n:, n:] = -A, np.diag(intensity), A.T
@@ -200,14 +200,14 @@ def discrete(A: Array, intensity: Array, dt: float) -> tuple[Array, Array, Array
 
 
 def predicted_covariance(A: Array, C: Array, Q: Array, R: Array) -> Array:
-    """Return the covariance (n, n) of the predicted state after 2^`DOUBLINGS` steps of the Kalman filter.
+    """Return the covariance (n, n) of the predicted state after 2^`RICCATI_DOUBLINGS` steps of the Kalman filter.
 
     Structure-preserving doubling [Chu, Fan and Lin, Linear Algebra Appl. 396 (2005) 55], which needs no state to be
     observable: what is not observable grows, and gets no gain.
     """
     n = A.shape[0]
     F, G, H = A.T, C.T @ np.linalg.solve(R, C), Q
-    for _ in range(DOUBLINGS):
+    for _ in range(RICCATI_DOUBLINGS):
         inner = np.linalg.inv(np.eye(n) + G @ H)
         F, G, H = F @ inner @ F, G + F @ inner @ G @ F.T, H + F.T @ H @ inner @ F
         G, H = 0.5 * (G + G.T), 0.5 * (H + H.T)
@@ -215,7 +215,7 @@ def predicted_covariance(A: Array, C: Array, Q: Array, R: Array) -> Array:
 
 
 __all__ = [
-    "Run",
+    "TrackedRun",
     "Tracker",
     "discrete",
     "driven",

@@ -2,8 +2,8 @@
 
 The knots are chosen one by one where they help most (as in MARS [Friedman 1991, doi:10.1214/aos/1176347963]); how many
 there are, and whether the curve jumps at standstill, is decided on blocks of samples that the curve has not seen: the
-fewest whose unseen error is within a standard error of the best. Samples are binned over the coordinates first, so that
-a hundred thousand cost no more than the bins.
+fewest whose validation error is within a standard error of the best. Samples are binned over the coordinates first, so
+that a hundred thousand cost no more than the bins.
 """
 
 from __future__ import annotations
@@ -15,21 +15,32 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from signlin_ros.effects.learned_force import OVER
+from signlin_ros.effects.learned_force import LEARNED_OVER
 from signlin_ros.errors import InputError, choices
-from signlin_ros.learning.splines import REFINED, Bins, Knots, Plan, Samples, binned, curve, fitted, grown, shown
+from signlin_ros.learning.splines import (
+    REFINING_STEPS,
+    Bins,
+    KnotPlan,
+    Knots,
+    Samples,
+    binned,
+    curve,
+    fitted,
+    grown,
+    shown,
+)
 
 Array = NDArray[np.float64]
 
 SHAPES = ("free", "rising", "dissipative")
 """Any curve; one that only rises with the (first) coordinate; one that only takes energy, over the speed."""
-FOLDS = 5
+LEARNING_FOLDS = 5
 """Groups of blocks, each of which is left out once."""
-BLOCKS = 10
+DEFAULT_BLOCKS = 10
 """Blocks that samples are divided into, in their order, where none are given."""
-SURE = 2.0
-"""Standard errors by which a jump must lower the unseen error."""
-FEWEST = 20
+MIN_JUMP_ERRORS = 2.0
+"""Standard errors by which a jump must lower the validation error."""
+MIN_LEARNING_SAMPLES = 20
 """Samples beneath which no curve is learned."""
 
 
@@ -38,7 +49,7 @@ class Learned:
     """A learned curve f(over) + jump sign(v), the force on the moving mass being its negative.
 
     Errors are weighted RMS values in the force's unit: ``before`` is the missing force, ``unseen`` what the curve
-    leaves of it in blocks that it has not seen, ``seen`` in all that it was made from. ``counts``: unseen error by
+    leaves of it in blocks that it has not seen, ``seen`` in all that it was made from. ``counts``: validation error by
     number of values.
     """
 
@@ -95,7 +106,7 @@ def learn(
     blocks : (T,), whole numbers: samples of a block are left out together. Without it samples in their order are parted
         into ten. Blocks should be longer than what correlates the samples, records for instance.
     shape : one of `SHAPES`.
-    jump : whether dry friction, a jump at standstill, is learned with it; None: where it lowers the unseen error.
+    jump : whether dry friction, a jump at standstill, is learned with it; None: where it lowers the validation error.
 
     Raises
     ------
@@ -108,7 +119,7 @@ def learn(
         raise InputError(f"shape: found {shape!r} over {over}; allowed: {allowed}")
     straddles = "speed" in over and np.ptp(np.sign(samples.x[over.split(", ").index("speed")])) == 2
     tried = [False, True] if jump is None and straddles else [bool(jump) and bool(straddles)]
-    plans = [Plan(over, shape, jumps) for jumps in tried]
+    plans = [KnotPlan(over, shape, jumps) for jumps in tried]
     bins = binned(samples, plans[0])
     found = [_learned(plan, bins) for plan in plans]
     return _better(*found) if len(found) > 1 else found[0][1]
@@ -121,23 +132,23 @@ def _samples(
     coordinates: Mapping[str, ArrayLike], force: ArrayLike, weights: ArrayLike | None, blocks: ArrayLike | None
 ) -> tuple[str, Samples]:
     over = ", ".join(coordinates)
-    if over not in OVER:
-        raise InputError(f"coordinates: found {over or 'none'}; allowed: {'; '.join(OVER)}")
+    if over not in LEARNED_OVER:
+        raise InputError(f"coordinates: found {over or 'none'}; allowed: {'; '.join(LEARNED_OVER)}")
     f = -np.asarray(force, dtype=float)
     count = f.size
     x = [np.asarray(c, dtype=float) for c in coordinates.values()]
     w = np.ones(count) if weights is None else np.asarray(weights, dtype=float)
-    b = np.arange(count) * BLOCKS // max(count, 1) if blocks is None else np.asarray(blocks)
+    b = np.arange(count) * DEFAULT_BLOCKS // max(count, 1) if blocks is None else np.asarray(blocks)
     for name, column in (*zip(coordinates, x, strict=True), ("weights", w), ("blocks", b)):
         if column.shape != (count,):
             raise InputError(f"{name}: found shape {column.shape}; allowed: ({count},), that of the force")
     good = np.isfinite(f) & np.isfinite(w) & (w > 0) & np.all(np.isfinite(x), axis=0)
-    if good.sum() < FEWEST:
-        raise InputError(f"force: found {good.sum()} samples that are numbers; allowed: {FEWEST} or more")
+    if good.sum() < MIN_LEARNING_SAMPLES:
+        raise InputError(f"force: found {good.sum()} samples that are numbers; allowed: {MIN_LEARNING_SAMPLES} or more")
     _, block = np.unique(b[good], return_inverse=True)
     if block.max() == 0:
         raise InputError("blocks: found one; allowed: two or more, to have some that the curve has not seen")
-    return over, Samples(np.array(x)[:, good], f[good], w[good] / w[good].mean(), block % FOLDS)
+    return over, Samples(np.array(x)[:, good], f[good], w[good] / w[good].mean(), block % LEARNING_FOLDS)
 
 
 @dataclass(frozen=True)
@@ -162,7 +173,7 @@ def _spread(differences: Array) -> float:
     return float(np.sqrt(differences.size) * np.std(differences, ddof=1)) if differences.size > 1 else 0.0
 
 
-def _learned(plan: Plan, bins: Bins) -> tuple[Array, Learned]:
+def _learned(plan: KnotPlan, bins: Bins) -> tuple[Array, Learned]:
     """Return the unseen sums of squares of each fold and the curve, its number of knots chosen by them."""
     folds = range(len(bins.w))
     rows = [_unseen(bins.without(fold), bins.only(fold), plan) for fold in folds]
@@ -173,7 +184,7 @@ def _learned(plan: Plan, bins: Bins) -> tuple[Array, Learned]:
     tried = _Tried(left[:, :depth], [int(np.prod([k.size for k in knots])) for knots in sets[:depth]])
     i, weight = tried.chosen(), bins.w.sum()
     knots = sets[i]
-    theta = fitted(bins, knots, plan, REFINED)
+    theta = fitted(bins, knots, plan, REFINING_STEPS)
 
     def rms(square: float) -> float:
         return float(np.sqrt(square / weight))
@@ -185,7 +196,7 @@ def _learned(plan: Plan, bins: Bins) -> tuple[Array, Learned]:
     return tried.left[:, i], found
 
 
-def _unseen(seen: Bins, unseen: Bins, plan: Plan) -> list[float]:
+def _unseen(seen: Bins, unseen: Bins, plan: KnotPlan) -> list[float]:
     """Return what growing sets of knots, fitted to some bins, leave of others."""
     sets = grown(seen, plan)
     steps = 1 if len(seen.x) == 1 else 0  # of a surface, refining takes long and changes little
@@ -195,7 +206,7 @@ def _unseen(seen: Bins, unseen: Bins, plan: Plan) -> list[float]:
 def _better(smooth: tuple[Array, Learned], jumping: tuple[Array, Learned]) -> Learned:
     """Return the curve without a jump, unless one with it is better by more than a standard error."""
     gained, told = smooth[0] - jumping[0], jumping[1].explained > 0
-    return jumping[1] if told and gained.sum() > SURE * _spread(gained) else smooth[1]
+    return jumping[1] if told and gained.sum() > MIN_JUMP_ERRORS * _spread(gained) else smooth[1]
 
 
 __all__ = ["SHAPES", "Learned", "learn"]

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.comparison.inverse import Efforts
-from signlin_ros.diagnosis.case import case
 from signlin_ros.diagnosis.comparison import compare_efforts
-from signlin_ros.diagnosis.witnesses import refitted
-from signlin_ros.effects.learned_force import OVER
+from signlin_ros.diagnosis.dataset import dataset_of
+from signlin_ros.diagnosis.evidence import refitted_evidence
+from signlin_ros.effects.learned_force import LEARNED_OVER
 from signlin_ros.errors import InputError
 from signlin_ros.fitting.prepare import held_out
 from signlin_ros.follow.data import as_list
@@ -34,8 +34,8 @@ def learn_missing(
 ) -> Learned:
     """Learn the force that a model lacks on records, as a curve over one coordinate or two.
 
-    The missing force is that of the diagnosis (`signlin_ros.comparison.piece`); where the machine stands it is not
-    known.
+    The missing force is that of the diagnosis (`signlin_ros.comparison.force_segment`); where the machine stands it is
+    not known.
 
     Parameters
     ----------
@@ -49,8 +49,8 @@ def learn_missing(
         The effort or a coordinate is not known from these records.
     """
     over = ", ".join(word.strip() for word in over.split(","))
-    if over not in OVER:
-        raise InputError(f"over: found {over!r}; allowed: {'; '.join(OVER)}")
+    if over not in LEARNED_OVER:
+        raise InputError(f"over: found {over!r}; allowed: {'; '.join(LEARNED_OVER)}")
     efforts = compare_efforts(model, data, cutoff)
     if efforts is None:
         raise InputError("the effort and the motion are not both known from these records, or they are too short")
@@ -96,7 +96,7 @@ def add_learned(
     are those of every verb all the same.
     """
     known, unseen = (as_list(data), as_list(validation)) if validation is not None else held_out(as_list(data))
-    w = refitted(case(model, known, unseen))
+    w = refitted_evidence(dataset_of(model, known, unseen))
     made, model = w.case, model.with_options(input_hold=w.case.model.input_hold)
     learned = learn_missing(model, known, over)
     new = with_learned(model, learned)
@@ -124,7 +124,7 @@ def add_learned(
 
 
 def _entry(new: Model, learned: Learned, unit: str, before: dict[str, Any], after: dict[str, Any]) -> dict[str, Any]:
-    """Return what there is to say of the effect; ``unit`` of the force; before and after: SCORES on unseen data."""
+    """Return what there is to say of the effect; ``unit`` of the force; before and after: SCORES on validation data."""
     better = learned.explained > 0 and all(_error(after[n]) < _error(before[n]) for n in before if n != "score")
     where = learned.over.replace(", ", " and the ")
     told = (
@@ -137,7 +137,7 @@ def _entry(new: Model, learned: Learned, unit: str, before: dict[str, Any], afte
         "parameters": _estimates(new, unit),
         "validation": after,
         "indistinguishable_from": [],
-        "why": told if better else f"{told}, and the motion on unseen data is not predicted better",
+        "why": told if better else f"{told}, and the motion on validation data is not predicted better",
     }
 
 

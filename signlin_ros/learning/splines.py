@@ -18,17 +18,17 @@ from signlin_ros.mathops import NumpyMath
 Array = NDArray[np.float64]
 Knots = tuple[Array, ...]
 
-MOST = (10, 5)
+MAX_KNOTS = (10, 5)
 """Most knots of a curve, and of a surface in each direction."""
-BINS = (300, 24)
+SPLINE_BINS = (300, 24)
 """Bins of a curve, and of a surface in each direction."""
 PLACES = (24, 8)
 """Places in each direction that a new knot is tried at."""
 LEAST_SHARE = 0.005
 """Least share of the samples' weight between two knots."""
-STIFF = 1e-6
+BEND_WEIGHT = 1e-6
 """Weight of the squared bends of a curve, in shares of the samples' weight: it decides where there are no samples."""
-REFINED = 3
+REFINING_STEPS = 3
 """Steps from the values that suit straight lines between the knots to those that suit the curve."""
 
 
@@ -43,7 +43,7 @@ class Samples:
 
 
 @dataclass(frozen=True)
-class Plan:
+class KnotPlan:
     """What is to be learned."""
 
     over: str
@@ -85,12 +85,12 @@ class Bins:
         return max(float(self.square.sum() - 2 * f @ s + (f * f) @ w), 0.0)
 
 
-def binned(samples: Samples, plan: Plan) -> Bins:
+def binned(samples: Samples, plan: KnotPlan) -> Bins:
     """Return the samples in bins, half of the edges evenly spaced, half evenly filled; none across 0."""
     two = len(samples.x) - 1
     index, ends, places = np.zeros(samples.f.size, dtype=np.int64), [], []
     for x, name in zip(samples.x, plan.names, strict=True):
-        shares = np.linspace(0.0, 1.0, BINS[two] // 2 + 1)
+        shares = np.linspace(0.0, 1.0, SPLINE_BINS[two] // 2 + 1)
         edges = np.unique([*np.quantile(x, shares), *np.linspace(x.min(), x.max(), shares.size), 0.0])
         index = index * (edges.size + 1) + np.searchsorted(edges, x, side="left")
         low, high = np.quantile(x, [0.001, 0.999])
@@ -129,7 +129,7 @@ def _hats(x: Array, knots: Array) -> Array:
     return found
 
 
-def _design(x: Array, knots: Knots, plan: Plan) -> Array:
+def _design(x: Array, knots: Knots, plan: KnotPlan) -> Array:
     """Return the columns (n, values [+ 1]) of the values, and of the jump if there is one."""
     found = _hats(x[0], knots[0])
     for column, more in zip(x[1:], knots[1:], strict=True):
@@ -137,7 +137,7 @@ def _design(x: Array, knots: Knots, plan: Plan) -> Array:
     return np.column_stack([found, np.sign(x[plan.names.index("speed")])]) if plan.jump else found
 
 
-def _bends(knots: Knots, plan: Plan) -> Array:
+def _bends(knots: Knots, plan: KnotPlan) -> Array:
     """Return the rows (r, values [+ 1]) of the second differences in each direction."""
     shape, rows = [k.size for k in knots], []
     identity = np.eye(int(np.prod(shape))).reshape(*shape, -1)
@@ -148,10 +148,10 @@ def _bends(knots: Knots, plan: Plan) -> Array:
     return np.column_stack([found, np.zeros(len(found))]) if plan.jump else found
 
 
-def _solved(columns: Array, target: Array, w: Array, knots: Knots, plan: Plan) -> Array:
+def _solved(columns: Array, target: Array, w: Array, knots: Knots, plan: KnotPlan) -> Array:
     """Return the values (and the jump) for which columns times them are nearest to a target (n,)."""
     root, bends = np.sqrt(w), _bends(knots, plan)
-    stiff = np.sqrt(STIFF * w.sum()) * bends
+    stiff = np.sqrt(BEND_WEIGHT * w.sum()) * bends
     A = np.concatenate([root[:, None] * columns, stiff])
     b = np.concatenate([root * target, np.zeros(len(stiff))])
     if plan.shape == "free":
@@ -163,7 +163,7 @@ def _solved(columns: Array, target: Array, w: Array, knots: Knots, plan: Plan) -
     return np.asarray(T @ lsq_linear(A @ T, b, (low, high), method="bvls").x)
 
 
-def _bounds(knots: Knots, plan: Plan) -> tuple[Array, Array, Array]:
+def _bounds(knots: Knots, plan: KnotPlan) -> tuple[Array, Array, Array]:
     """Return values (and jump) = T z with bounds on z that make the curve of the shape that is asked for."""
     count = int(np.prod([k.size for k in knots]))
     T, low = np.eye(count + plan.jump), np.full(count + plan.jump, -np.inf)
@@ -180,7 +180,7 @@ def _bounds(knots: Knots, plan: Plan) -> tuple[Array, Array, Array]:
     return T, low, high
 
 
-def fitted(bins: Bins, knots: Knots, plan: Plan, steps: int) -> Array:
+def fitted(bins: Bins, knots: Knots, plan: KnotPlan, steps: int) -> Array:
     """Return the values (and the jump) of the curve that fits the bins best, by Gauss-Newton from straight lines."""
     w = bins.w.sum(axis=0)
     there = w > 0
@@ -199,13 +199,13 @@ def fitted(bins: Bins, knots: Knots, plan: Plan, steps: int) -> Array:
     return best
 
 
-def shown(x: Array, knots: Knots, theta: Array, plan: Plan) -> Array:
+def shown(x: Array, knots: Knots, theta: Array, plan: KnotPlan) -> Array:
     """Return f (n,)."""
     f = curve(list(x), knots, theta[: theta.size - plan.jump])
     return f + theta[-1] * np.sign(x[plan.names.index("speed")]) if plan.jump else f
 
 
-def _slopes(x: Array, knots: Knots, theta: Array, plan: Plan) -> Array:
+def _slopes(x: Array, knots: Knots, theta: Array, plan: KnotPlan) -> Array:
     """Return the derivatives (n, values [+ 1]) of f, by differences: it is of degree one in the values."""
     values = theta[: theta.size - plan.jump]
     h = 1e-6 * max(float(np.abs(values).max()), 1e-300)
@@ -250,7 +250,7 @@ class _Basis:
         return np.flatnonzero(apart >= LEAST_SHARE)
 
 
-def grown(bins: Bins, plan: Plan) -> list[Knots]:
+def grown(bins: Bins, plan: KnotPlan) -> list[Knots]:
     """Return knots, from the fewest on, each set with one more, where straight lines between them gain most.
 
     Forward selection on the normal equations of all broken lines (orthogonal least squares)
@@ -266,7 +266,7 @@ def grown(bins: Bins, plan: Plan) -> list[Knots]:
     chosen = [b.first(name) for b, name in zip(bases, plan.names, strict=True)]
     G, c = _projected(G, c, [*_block(chosen, shape), *range(int(np.prod(shape)), len(c))])
     sets = [_knots(bases, chosen)]
-    while found := _next(G, c, chosen, bases, MOST[two]):
+    while found := _next(G, c, chosen, bases, MAX_KNOTS[two]):
         axis, place = found
         block = _block([[place] if a == axis else one for a, one in enumerate(chosen)], shape)
         G, c = _projected(G, c, block)
@@ -316,4 +316,4 @@ def _knots(bases: Sequence[_Basis], chosen: Sequence[Sequence[int]]) -> Knots:
     return tuple(np.sort(b.at[one]) for b, one in zip(bases, chosen, strict=True))
 
 
-__all__ = ["REFINED", "Bins", "Knots", "Plan", "Samples", "binned", "curve", "fitted", "grown", "shown"]
+__all__ = ["REFINING_STEPS", "Bins", "KnotPlan", "Knots", "Samples", "binned", "curve", "fitted", "grown", "shown"]

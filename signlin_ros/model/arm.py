@@ -14,10 +14,10 @@ from signlin_ros.model.arm_file import KEYS, SECTION, ArmFile, Effort, Payload, 
 from signlin_ros.model.files import relative
 from signlin_ros.model.model import Model
 from signlin_ros.model.names import check_names
-from signlin_ros.model.options import ARM_METHODS, NODE_KEYS, OPTIONS, RESERVED_KEYS
+from signlin_ros.model.options import ARM_METHODS, MODEL_OPTIONS, NODE_KEYS, RESERVED_KEYS
 from signlin_ros.model.uses import EffectUse, effect_class, effects_of, nominal, slot
 from signlin_ros.par import Par, Pars, check_values, declared_name, gathered, place_of
-from signlin_ros.plants.arm import GAIN, MOTOR_INERTIA, ArmPlant, arm_plant
+from signlin_ros.plants.arm import GAIN_PARAMETER, MOTOR_INERTIA, ArmPlant, arm_plant
 from signlin_ros.plants.joint import joint_plant
 from signlin_ros.recording.trace import Structure, resolve_unit
 from signlin_ros.robots import Robot
@@ -53,14 +53,14 @@ class ArmModel(Model):
             value = getattr(self, item.name)
             default = item.default_factory() if callable(item.default_factory) else item.default
             default = {"linearization": "per_joint", "sign_scale": 0.0}.get(item.name, default)
-            if item.name in OPTIONS and value != default:
+            if item.name in MODEL_OPTIONS and value != default:
                 content[item.name] = list(value) if isinstance(value, tuple) else value
         return {**content, **{name: s for name in self.robot.names if (s := self._section(name))}, **self.node_options}
 
     def _section(self, joint: str) -> dict[str, Any]:
         own, found = dict(self.arm.efforts).get(joint, Effort()), {}
         unit = self.robot.joints[self.robot.names.index(joint)].effort_unit
-        gain = self.parameters[f"{joint}.{GAIN}"]
+        gain = self.parameters[f"{joint}.{GAIN_PARAMETER}"]
         effort: dict[str, Any] = {"gain": gain} if gain != 1.0 or own.unit != unit else {}
         effort |= {"unit": own.unit} if own.unit not in (unit, "A") else {}
         effort |= {"side": own.side} if own.side != "motor" else {}
@@ -211,7 +211,7 @@ class ArmModel(Model):
     def in_file(self, name: str) -> str:
         """Return a parameter's name as a model file, and so ROS, has it: ``elbow.effects.coulomb_friction.mu``."""
         joint, _, rest = name.partition(".")
-        section = {GAIN: "effort", MOTOR_INERTIA: "parameters"}.get(rest, "effects")
+        section = {GAIN_PARAMETER: "effort", MOTOR_INERTIA: "parameters"}.get(rest, "effects")
         return f"{joint}.{section}.{rest}"
 
     def par_declarations(self) -> dict[str, Par]:
@@ -222,7 +222,7 @@ class ArmModel(Model):
 def _fields(mapping: Mapping[str, Any], source: str, folder: Path) -> dict[str, Any]:
     """Return the fields of an `ArmModel`, each checked by itself."""
     file, robot = arm_file(mapping, folder)
-    options = {key: check for key, check in OPTIONS.items() if key not in _UNUSED}
+    options = {key: check for key, check in MODEL_OPTIONS.items() if key not in _UNUSED}
     known = ("plant", *KEYS, *options, *NODE_KEYS, *RESERVED_KEYS, *robot.names)
     for key in mapping:
         if key not in known:
@@ -243,7 +243,7 @@ def _fields(mapping: Mapping[str, Any], source: str, folder: Path) -> dict[str, 
     placed = file if file.is_text else replace(file, robot=str((folder / file.robot).resolve()))
     changed = 0 if file.is_text else Path(placed.robot).stat().st_mtime_ns  # a plant is kept for each state of its URDF
     plant = _plant(replace(placed, tolerance=0.0, efforts=()), changed, tuple((n, e.unit) for n, e in efforts.items()))
-    values = {f"{name}.{GAIN}": efforts[name].gain for name in robot.names}
+    values = {f"{name}.{GAIN_PARAMETER}": efforts[name].gain for name in robot.names}
     for name, section in sections.items():
         own = section.get("parameters") or {}
         values |= {f"{name}.{key}": value for key, value in own.items()}

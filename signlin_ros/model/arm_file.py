@@ -21,7 +21,7 @@ SECTION = ("effort", "parameters", "effects")
 """Keys of a joint's section."""
 SIDES = ("motor", "link")
 EARTH = (0.0, 0.0, -9.81)
-TOLERANCE = 0.1
+INERTIA_TOLERANCE = 0.1
 """By how much masses, centres and inertias may be off, relative to their size, where the file does not say."""
 
 
@@ -75,7 +75,7 @@ class ArmFile:
     joints: tuple[str, ...] = ()
     locked: tuple[tuple[str, float], ...] = ()
     gravity: tuple[float, ...] = EARTH
-    tolerance: float = TOLERANCE
+    tolerance: float = INERTIA_TOLERANCE
     consistent: bool = True
     payload: Payload | None = None
     couplings: tuple[tuple[str, Coupling], ...] = ()
@@ -124,7 +124,7 @@ class ArmFile:
             found["locked"] = dict(self.locked)
         if self.gravity != EARTH:
             found["gravity"] = list(self.gravity)
-        if (self.tolerance, self.consistent) != (TOLERANCE, True):
+        if (self.tolerance, self.consistent) != (INERTIA_TOLERANCE, True):
             found["inertia"] = {"tolerance": self.tolerance, "consistent": self.consistent}
         if self.payload is not None:
             p = self.payload
@@ -161,7 +161,7 @@ def arm_file(mapping: Mapping[str, Any], folder: Path) -> tuple[ArmFile, Robot]:
             (name, _number(v, f"locked.{name}")) for name, v in _table(mapping.get("locked"), "locked").items()
         ),
         gravity=_numbers(gravity, "gravity", 3),
-        tolerance=_number(inertia.get("tolerance", TOLERANCE), "inertia.tolerance", 0.0),
+        tolerance=_number(inertia.get("tolerance", INERTIA_TOLERANCE), "inertia.tolerance", 0.0),
         consistent=consistent,
         payload=_payload(mapping.get("payload")),
         couplings=tuple(

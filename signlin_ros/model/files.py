@@ -13,7 +13,7 @@ import yaml
 
 from signlin_ros.errors import ModelError, choices, suggest
 
-SUFFIXES = (".yaml", ".yml")
+MODEL_SUFFIXES = (".yaml", ".yml")
 """Suffixes of model files."""
 
 
@@ -95,4 +95,4 @@ def _represent_float(dumper: yaml.SafeDumper, value: float) -> yaml.Node:
 Dumper.add_representer(float, _represent_float)
 
 
-__all__ = ["SUFFIXES", "Dumper", "Loader", "find_model_file", "parameters_of", "relative", "shipped_models"]
+__all__ = ["MODEL_SUFFIXES", "Dumper", "Loader", "find_model_file", "parameters_of", "relative", "shipped_models"]

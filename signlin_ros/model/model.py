@@ -18,7 +18,7 @@ from signlin_ros.files import write_text
 from signlin_ros.markup import html_table
 from signlin_ros.model.files import Dumper, Loader, find_model_file, parameters_of, relative
 from signlin_ros.model.names import check_axis, check_names
-from signlin_ros.model.options import AUTO, HOLDS, LINEAR, OPTIONS, TOLERANCE
+from signlin_ros.model.options import AUTO, DEFAULT_TOLERANCE, INPUT_HOLDS, LINEAR, MODEL_OPTIONS
 from signlin_ros.model.reading import fields_of
 from signlin_ros.model.uses import EffectUse, effect_class, has_spring, is_sensor, nominal, own_name, slot
 from signlin_ros.par import Par, Pars, declared_name, gathered, place_of
@@ -46,7 +46,7 @@ class Model:
     update_period: float = 0.2
     state_weights: dict[str, float] = field(default_factory=dict)
     initial_state: dict[str, float] = field(default_factory=dict)
-    tolerance: float | dict[str, float] = TOLERANCE
+    tolerance: float | dict[str, float] = DEFAULT_TOLERANCE
     frozen: tuple[str, ...] = ()
     signals: dict[str, str] = field(default_factory=dict)
     effect_files: tuple[str, ...] = ()
@@ -112,7 +112,7 @@ class Model:
             }
         for item in fields(self):
             value = getattr(self, item.name)
-            if item.name in OPTIONS and value != _default(item, self.plant):
+            if item.name in MODEL_OPTIONS and value != _default(item, self.plant):
                 content[item.name] = list(value) if isinstance(value, tuple) else value
         return content | self.node_options
 
@@ -339,13 +339,13 @@ class Model:
 
     @property
     def early(self) -> float:
-        """By how many steps a recorded input precedes its sample (`HOLDS`); 0 where the model does not say, or
+        """By how many steps a recorded input precedes its sample (`INPUT_HOLDS`); 0 where the model does not say, or
         `interpolates`.
         """
         if not isinstance(self.input_hold, str):
             return self.input_hold
         halves = self.input_hold == LINEAR and not self.interpolates
-        return HOLDS["centred"] if halves else HOLDS.get(self.input_hold, 0.0)
+        return INPUT_HOLDS["centred"] if halves else INPUT_HOLDS.get(self.input_hold, 0.0)
 
     @functools.cached_property
     def delay(self) -> float:
@@ -365,7 +365,7 @@ class Model:
         if name in self.frozen:
             return 0.0
         stated = self.tolerance
-        return float(stated.get(name, TOLERANCE) if isinstance(stated, dict) else stated)
+        return float(stated.get(name, DEFAULT_TOLERANCE) if isinstance(stated, dict) else stated)
 
     def par_declarations(self) -> dict[str, Par]:
         """Return every parameter's declaration by ROS name (``effects.coulomb_friction.mu``), units resolved."""

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 from signlin_ros.apart import split
 from signlin_ros.errors import ModelError, choices, suggest
 from signlin_ros.model.uses import effect_class
-from signlin_ros.names import TIME
+from signlin_ros.names import TIME_NAMES
 from signlin_ros.par import declared_name
 
 if TYPE_CHECKING:
     from signlin_ros.model.model import Model
 
-WHOLE = 1e-9
+WHOLE_ORDER_TOLERANCE = 1e-9
 """How far from a whole number an order may be that is called whole."""
 
 
@@ -26,7 +26,7 @@ def check_axis(model: Model) -> None:
     for key, use in model.effects.items() if model.is_rotary else ():
         whole = effect_class(use).whole_orders
         for name, order in ((n, v) for n, v in use.parameters.items() if declared_name(n) in whole):
-            if min(abs(turns - round(turns)) for turns in (order, order / model.gear)) > WHOLE * order:
+            if min(abs(turns - round(turns)) for turns in (order, order / model.gear)) > WHOLE_ORDER_TOLERANCE * order:
                 of_motor = f", or such a number times the gear {model.gear:g}" if model.gear != 1.0 else ""
                 raise ModelError(
                     f"effects.{key}.{name}: found {order:g}; allowed: a whole number, the axis is rotary{of_motor}"
@@ -70,8 +70,8 @@ def _own_names(option: str, own: dict[str, str]) -> dict[str, str]:
 
 def _signal_name(model: Model, name: str) -> str:
     """Return the own name of what a record may hold: the time, a state, input or output, or what may be one."""
-    if name in TIME:
-        return TIME[0]
+    if name in TIME_NAMES:
+        return TIME_NAMES[0]
     file, own = split(name)
     if file:
         said = shlex.join(["--signal", f"{name}={model.signals[name]}"])
@@ -93,4 +93,4 @@ def _state_name(model: Model, option: str, name: str, allowed: tuple[str, ...] |
     return plain
 
 
-__all__ = ["WHOLE", "check_axis", "check_names"]
+__all__ = ["WHOLE_ORDER_TOLERANCE", "check_axis", "check_names"]

@@ -8,22 +8,22 @@ from typing import Any
 
 from signlin_ros import sign
 from signlin_ros.errors import InputError, ModelError, suggest
-from signlin_ros.names import TIME
+from signlin_ros.names import TIME_NAMES
 from signlin_ros.par import Par
 
 METHODS = ("optimal", "termwise", "jacobian")
 ARM_METHODS = ("per_joint", "jacobian")
 """How an arm is linearized: the others depend on where the zeros of its joints are."""
 OPERATING_POINTS = ("start", "midpoint")
-AXES = ("rotary", "linear")
-TOLERANCE = 0.05
+AXIS_KINDS = ("rotary", "linear")
+DEFAULT_TOLERANCE = 0.05
 """By how much base parameters may be off, where a model does not say."""
-HOLDS = {"forward": 0.0, "centred": 0.5, "backward": 1.0}
+INPUT_HOLDS = {"forward": 0.0, "centred": 0.5, "backward": 1.0}
 """By how many steps an input precedes its sample: a command that is held; samples of what goes on in between; what was
 logged beside the state that it led to."""
 AUTO, LINEAR = "auto", "linear"
 """An input that acts as the records show, and one that is interpolated between its samples (a first-order hold)."""
-NAMED_HOLDS = (AUTO, *HOLDS, LINEAR)
+NAMED_HOLDS = (AUTO, *INPUT_HOLDS, LINEAR)
 """What a model file may say of how an input acts between its samples, beside a number of steps."""
 RESERVED_KEYS = ("use_sim_time", "qos_overrides", "start_type_description_service")
 """Keys of ROS 2 itself, accepted everywhere."""
@@ -91,7 +91,7 @@ def _signals(value: Any, where: str) -> dict[str, str]:
     table = dict(_table(value, where))
     for name, item in table.items():
         if isinstance(item, (int, float)) and not isinstance(item, bool) and math.isfinite(item):
-            column = isinstance(item, int) and item > 0 and name not in TIME
+            column = isinstance(item, int) and item > 0 and name not in TIME_NAMES
             table[name] = str(item) if column else repr(float(item))
         elif not isinstance(item, str) or not item.strip():
             allowed = "a column's name or number, a formula of columns, or /topic.field[...]; for t also the s from row"
@@ -119,12 +119,12 @@ def _hold(value: Any, where: str) -> str | float:
     if isinstance(value, str) and value in (*NAMED_HOLDS, "held"):
         return "forward" if value == "held" else value
     if isinstance(value, (int, float)) and not isinstance(value, bool) and 0.0 <= value <= 1.0:
-        return next((name for name, early in HOLDS.items() if early == value), float(value))
+        return next((name for name, early in INPUT_HOLDS.items() if early == value), float(value))
     allowed = f"{', '.join(NAMED_HOLDS)}, or by how many steps it precedes its sample, 0 to 1"
     raise ModelError(f"{where}: found {value!r}; allowed: {allowed}{suggest(str(value), NAMED_HOLDS)}")
 
 
-OPTIONS: dict[str, Callable[[Any, str], Any]] = {
+MODEL_OPTIONS: dict[str, Callable[[Any, str], Any]] = {
     "sign_order": _order,
     "sign_scale": lambda v, w: _number(v, w, 0.0, 1e12),
     "operating_range": _number_table(0.0, positive=True),
@@ -142,7 +142,7 @@ OPTIONS: dict[str, Callable[[Any, str], Any]] = {
     "with_load_torque": _boolean,
     "with_inputs": _names,
     "per_record": _names,
-    "axis": _choice(AXES),
+    "axis": _choice(AXIS_KINDS),
     "gear": lambda v, w: _number(v, w, 0.0, 1e6, positive=True),
 }
 
@@ -150,14 +150,14 @@ OPTIONS: dict[str, Callable[[Any, str], Any]] = {
 __all__ = [
     "ARM_METHODS",
     "AUTO",
-    "AXES",
-    "HOLDS",
+    "AXIS_KINDS",
+    "DEFAULT_TOLERANCE",
+    "INPUT_HOLDS",
     "LINEAR",
     "METHODS",
+    "MODEL_OPTIONS",
     "NAMED_HOLDS",
     "NODE_KEYS",
     "OPERATING_POINTS",
-    "OPTIONS",
     "RESERVED_KEYS",
-    "TOLERANCE",
 ]

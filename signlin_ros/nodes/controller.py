@@ -15,44 +15,52 @@ from rclpy.duration import Duration
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header, String
 
-from signlin_ros.control.controller import Controller, Settings
-from signlin_ros.control.designs import DEFAULT, DESIGNS
+from signlin_ros.control.controller import Controller, ControllerSettings
+from signlin_ros.control.designs import DEFAULT_DESIGN, DESIGNS
 from signlin_ros.errors import InputError
 from signlin_ros.nodes import convert
 from signlin_ros.nodes.controller_logic import LONGEST_REFERENCE, ControllerLogic, Timeouts
-from signlin_ros.nodes.overrides import Entry
+from signlin_ros.nodes.overrides import Overridable
 from signlin_ros.nodes.parameters import ModelNode, on_change
-from signlin_ros.nodes.qos import LATCHED, RELIABLE, SENSORS
+from signlin_ros.nodes.qos import LATCHED, RELIABLE, SENSOR_QOS
 from signlin_ros.nodes.runner import run
 
 OPTIONS = {
-    "design": Entry(DEFAULT, "how the input is made", choices=tuple(DESIGNS), read_only=False),
-    "track": Entry("speed", "what a reference is", choices=("speed", "position")),
-    "control_period": Entry(0.02, "time between two inputs [s]", 1e-3, 10.0),
-    "limit": Entry(0.0, "largest |input|, in its unit; must be given", 0.0, 1e9),
-    "loop_delay": Entry(0.0, "from a sample until its input acts [s]; 0: one period, and the model's delay", 0.0, 10.0),
-    "largest_speed": Entry(0.0, "of the references; 0: what the model is made for", 0.0, 1e9),
-    "tolerance_at_rest": Entry(0.0, "error that may stay where the reference stands still", 0.0, 1e9, read_only=False),
-    "bandwidth": Entry(0.0, "of the feedback [rad/s]; 0: what the delay leaves room for", 0.0, 1e5, read_only=False),
-    "damping": Entry(1.0, "weight of the speed in a position loop [-]", 0.0, 100.0, read_only=False),
-    "integral": Entry(1.0, "weight of the summed error [-]", 0.0, 100.0, read_only=False),
-    "floor": Entry(
+    "design": Overridable(DEFAULT_DESIGN, "how the input is made", choices=tuple(DESIGNS), read_only=False),
+    "track": Overridable("speed", "what a reference is", choices=("speed", "position")),
+    "control_period": Overridable(0.02, "time between two inputs [s]", 1e-3, 10.0),
+    "limit": Overridable(0.0, "largest |input|, in its unit; must be given", 0.0, 1e9),
+    "loop_delay": Overridable(
+        0.0, "from a sample until its input acts [s]; 0: one period, and the model's delay", 0.0, 10.0
+    ),
+    "largest_speed": Overridable(0.0, "of the references; 0: what the model is made for", 0.0, 1e9),
+    "tolerance_at_rest": Overridable(
+        0.0, "error that may stay where the reference stands still", 0.0, 1e9, read_only=False
+    ),
+    "bandwidth": Overridable(
+        0.0, "of the feedback [rad/s]; 0: what the delay leaves room for", 0.0, 1e5, read_only=False
+    ),
+    "damping": Overridable(1.0, "weight of the speed in a position loop [-]", 0.0, 100.0, read_only=False),
+    "integral": Overridable(1.0, "weight of the summed error [-]", 0.0, 100.0, read_only=False),
+    "floor": Overridable(
         0.02, "share of the largest speed below which friction fades and A_k is not taken", 1e-6, 1.0, read_only=False
     ),
-    "friction_share": Entry(1.0, "share of the model's effects that is fed forward [-]", 0.0, 2.0, read_only=False),
-    "turning": Entry(
+    "friction_share": Overridable(
+        1.0, "share of the model's effects that is fed forward [-]", 0.0, 2.0, read_only=False
+    ),
+    "turning": Overridable(
         1.0, "share of the integral action that turns with the direction of motion [-]", 0.0, 100.0, read_only=False
     ),
-    "state_source": Entry("array", "where states come from", choices=("array", "joint_state")),
-    "joint_name": Entry("joint", "name of the joint in joint_states"),
-    "state_timeout": Entry(0.0, "age of the state [s] that stops the drive; 0: three control periods", 0.0, 1e6),
-    "reference_timeout": Entry(0.0, "age of the reference [s] that stops the drive; 0: 0.5 s", 0.0, 1e6),
-    "model_timeout": Entry(0.0, "age of the model [s] that stops the drive; 0: three update periods", 0.0, 1e6),
-    "needs_model": Entry(True, "whether a linearizer must be publishing"),
+    "state_source": Overridable("array", "where states come from", choices=("array", "joint_state")),
+    "joint_name": Overridable("joint", "name of the joint in joint_states"),
+    "state_timeout": Overridable(0.0, "age of the state [s] that stops the drive; 0: three control periods", 0.0, 1e6),
+    "reference_timeout": Overridable(0.0, "age of the reference [s] that stops the drive; 0: 0.5 s", 0.0, 1e6),
+    "model_timeout": Overridable(0.0, "age of the model [s] that stops the drive; 0: three update periods", 0.0, 1e6),
+    "needs_model": Overridable(True, "whether a linearizer must be publishing"),
 }
-SAME = ("design", "limit", "bandwidth", "damping", "integral", "floor", "turning")
+SETTINGS_OPTIONS = ("design", "limit", "bandwidth", "damping", "integral", "floor", "turning")
 """Options that are settings of the same name."""
-OTHERS = {
+RENAMED_OPTIONS = {
     "friction_share": "friction",
     "control_period": "period",
     "loop_delay": "delay",
@@ -62,10 +70,12 @@ OTHERS = {
 """Options that are settings of another name."""
 
 
-def settings_of(options: dict[str, Any]) -> Settings:
+def settings_of(options: dict[str, Any]) -> ControllerSettings:
     """Return what the options of the node say of the controller; raise `InputError` where a limit is missing."""
-    named = {setting: options[option] for option, setting in OTHERS.items()}
-    return Settings(position=options["track"] == "position", **named, **{name: options[name] for name in SAME})
+    named = {setting: options[option] for option, setting in RENAMED_OPTIONS.items()}
+    return ControllerSettings(
+        position=options["track"] == "position", **named, **{name: options[name] for name in SETTINGS_OPTIONS}
+    )
 
 
 class ControllerNode(ModelNode):
@@ -79,13 +89,13 @@ class ControllerNode(ModelNode):
         self.logic = ControllerLogic(self.model, settings_of(option), timeouts, option["needs_model"])
         self._input = self.create_publisher(Float64MultiArray, "input", RELIABLE)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self.create_subscription(Float64MultiArray, "reference", self._on_reference, SENSORS)
+        self.create_subscription(Float64MultiArray, "reference", self._on_reference, SENSOR_QOS)
         self.create_subscription(Float64MultiArray, "linearizer/model", self._on_model, LATCHED)
         self.create_subscription(String, "linearizer/model_yaml", self._on_yaml, LATCHED)
         if option["state_source"] == "array":
-            self.create_subscription(Float64MultiArray, "state", self._on_state, SENSORS)
+            self.create_subscription(Float64MultiArray, "state", self._on_state, SENSOR_QOS)
         else:
-            self.create_subscription(JointState, "joint_states", self._on_joint_state, SENSORS)
+            self.create_subscription(JointState, "joint_states", self._on_joint_state, SENSOR_QOS)
         self._timer = self.create_timer(option["control_period"], self._on_period)
         self._slow_timer = self.create_timer(1.0, self._on_second, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._latest = 0

@@ -14,20 +14,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.control.controller import Controller, Settings
+from signlin_ros.control.controller import Controller, ControllerSettings
 from signlin_ros.errors import InputError
 from signlin_ros.estimate import CausalDerivative
 from signlin_ros.model import Model
-from signlin_ros.nodes.linearizer_logic import ERROR, NANO, OK, WARN, Health, Refusal
+from signlin_ros.nodes.linearizer_logic import ERROR, LEVEL_OK, NANO, WARN, Health, Refusal
 
 Array = NDArray[np.float64]
 LONGEST_REFERENCE = 3
 """Values of a reference at most: what is tracked, its rate, and the rate of that."""
 GOES_ON = 2
 """Periods for which a reference goes on as it was."""
-LATE = 2
+LATE_PERIODS = 2
 """Periods between two inputs from which on the later one counts as late."""
-HEAD = 6
+MODEL_HEAD = 6
 """Numbers before the matrices in a message of the linearizer."""
 
 
@@ -64,7 +64,7 @@ class ControllerLogic:
     """
 
     def __init__(
-        self, model: Model, settings: Settings, timeouts: Timeouts | None = None, needs_model: bool = True
+        self, model: Model, settings: ControllerSettings, timeouts: Timeouts | None = None, needs_model: bool = True
     ) -> None:
         self.refused: Counter[str] = Counter()
         self.last_refusal: Refusal | None = None
@@ -76,7 +76,7 @@ class ControllerLogic:
 
     # ---------------------------------------------------------------- configuration
 
-    def configure(self, model: Model, settings: Settings) -> None:
+    def configure(self, model: Model, settings: ControllerSettings) -> None:
         """Take another model or other settings; may raise `InputError`, and then nothing has changed."""
         self._use(Controller(model, settings))
         self._announced = model
@@ -179,13 +179,13 @@ class ControllerLogic:
         """Take a message of the linearizer: fresh ones keep the drive running, one of another model is refused."""
         values = np.asarray(data, dtype=float)
         sizes = [(len(model.states), len(model.inputs)) for model in (self.model, self._announced)]
-        if values.size < HEAD or not np.isfinite(values).all():
+        if values.size < MODEL_HEAD or not np.isfinite(values).all():
             self._refuse(Refusal("model_not_finite", f"{values.size} values"))
         elif not any(_is_of(values, n, m) for n, m in sizes):
             n, m = sizes[0]
             self._refuse(Refusal("another_model", f"{values.size} values, not those of {n} states and {m} inputs"))
         else:
-            self._got["model"] = _Got(values[HEAD:], int(values[0]) * NANO + int(values[1]))
+            self._got["model"] = _Got(values[MODEL_HEAD:], int(values[0]) * NANO + int(values[1]))
 
     def announce(self, text: str) -> Model | None:
         """Take notice of the whole model that the linearizer has; returns it where it is another one.
@@ -231,7 +231,7 @@ class ControllerLogic:
 
     def output(self, now: int) -> Array | None:
         """Return the input (1,) to publish now; 0 while stopped; None until the drive has run for the first time."""
-        if self._before and now - self._before > LATE * self.settings.period * NANO:
+        if self._before and now - self._before > LATE_PERIODS * self.settings.period * NANO:
             self.late += 1
         self._before, self._why = now, self._fault(now)
         u = 0.0 if self._why else self._controlled(now)
@@ -271,7 +271,7 @@ class ControllerLogic:
 
     def health(self, now: int) -> Health:
         """Return the state of affairs for /diagnostics."""
-        level = OK if self._running else (ERROR if self.active else WARN)
+        level = LEVEL_OK if self._running else (ERROR if self.active else WARN)
         values = {
             "design": self.settings.design,
             "tracks": "position" if self.settings.position else "speed",
@@ -289,4 +289,4 @@ class ControllerLogic:
 
 def _is_of(values: Array, n: int, m: int) -> bool:
     """Tell whether a message of the linearizer is of a model of n states and m inputs."""
-    return values.size == HEAD + n * n + n * m + 2 * n + m and (values[4], values[5]) == (n, m)
+    return values.size == MODEL_HEAD + n * n + n * m + 2 * n + m and (values[4], values[5]) == (n, m)

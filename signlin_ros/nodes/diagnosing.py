@@ -21,7 +21,7 @@ POLITELY = f"import os, sys; os.nice({NICE}); from signlin_ros.%s import main; s
 """What a process runs: the ``main`` of a module, with all others before it."""
 
 
-class Diagnosis:
+class DiagnosisProcess:
     """``signlin refine`` on a record, started at once; files stand in ``folder``."""
 
     def __init__(self, model: Model, record: Record, folder: Path) -> None:
@@ -148,4 +148,4 @@ class Naming:
         self._process.communicate()
 
 
-__all__ = ["Diagnosis", "Naming", "Planning"]
+__all__ = ["DiagnosisProcess", "Naming", "Planning"]

@@ -32,16 +32,16 @@ from std_msgs.msg import Float64MultiArray, String
 from signlin_ros.nodes import convert
 from signlin_ros.nodes.feed_logic import Feed
 from signlin_ros.nodes.linearizer_logic import Refusal
-from signlin_ros.nodes.qos import LATCHED, SENSORS
+from signlin_ros.nodes.qos import LATCHED, SENSOR_QOS
 from signlin_ros.records import Record, Signal, write_record
 
 Array = NDArray[np.float64]
 
-RATE = 20.0
+FRAME_RATE = 20.0
 """Frames a second."""
 
 
-class Numbers:
+class FeedNumbers:
     """Reads the numbers of serialized Float64MultiArray messages.
 
     The first of every length is read in full, to know where its numbers begin; in those that follow they stand there.
@@ -70,12 +70,12 @@ class Subscriber:
 
     def __init__(self, namespace: str, linearizer: str, joint: str) -> None:
         self.feed, self.texts = Feed(), dict[str, str]()
-        self.joint, self._read = joint, {"state": Numbers(), "input": Numbers()}
+        self.joint, self._read = joint, {"state": FeedNumbers(), "input": FeedNumbers()}
         self.node = rclpy.create_node("workbench_feed", namespace=namespace or None, use_global_arguments=False)
         subscribe = self.node.create_subscription
         for name, channel in (("state", self.feed.state), ("input", self.feed.input)):
-            subscribe(Float64MultiArray, name, self._taker(name, channel), SENSORS, raw=True)
-        subscribe(JointState, "joint_states", self._on_joint, SENSORS)
+            subscribe(Float64MultiArray, name, self._taker(name, channel), SENSOR_QOS, raw=True)
+        subscribe(JointState, "joint_states", self._on_joint, SENSOR_QOS)
         subscribe(Float64MultiArray, f"{linearizer}/model", self._on_model, LATCHED)
         for topic in (f"{linearizer}/model_yaml", "monitor/verdict"):
             subscribe(String, topic, self._on_text(topic), LATCHED)
@@ -162,7 +162,7 @@ def main() -> int:
     while not ended.is_set():
         executor.spin_once(timeout_sec=max(following - time.monotonic(), 0.0))
         if time.monotonic() >= following:
-            following = max(following + 1 / RATE, time.monotonic())
+            following = max(following + 1 / FRAME_RATE, time.monotonic())
             _say(subscriber.frame())
             while asked:
                 _say(subscriber.take(asked.pop(0)))

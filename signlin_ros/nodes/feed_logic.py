@@ -16,21 +16,21 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-KEPT = 60.0
+KEPT_TIME = 60.0
 """Seconds of samples that are kept, for "take the last ... s as a record"."""
-MOST = 200_000
+MAX_KEPT_SAMPLES = 200_000
 """Samples that are kept at most, whatever their rate."""
-POINTS = 4
+POINTS_PER_FRAME = 4
 """Points of a signal in a frame."""
-SETTLED = 0.2
+MAX_MODEL_GAP = 0.2
 """A model that came with a gap of more than this many periods to the one before is not held to its prediction."""
 
 
-class Channel:
+class FeedChannel:
     """One topic of numbers: times (s) and rows that have come; those not shown yet, and those of the last minute."""
 
     def __init__(self) -> None:
-        self.kept: deque[tuple[float, Array]] = deque(maxlen=MOST)
+        self.kept: deque[tuple[float, Array]] = deque(maxlen=MAX_KEPT_SAMPLES)
         self.fresh: list[tuple[float, Array]] = []
         self.count = 0
 
@@ -50,7 +50,7 @@ class Channel:
 
     def forget(self, now: float) -> None:
         """Forget what is older than a minute."""
-        while self.kept and self.kept[0][0] < now - KEPT:
+        while self.kept and self.kept[0][0] < now - KEPT_TIME:
             self.kept.popleft()
 
     def shown(self) -> dict[str, Any] | None:
@@ -71,7 +71,7 @@ def _extremes(column: Array) -> list[int]:
     """Return where first, lowest, highest and last stand, in order, each once."""
     filled = np.where(np.isfinite(column), column, 0.0)
     found = {0, int(filled.argmin()), int(filled.argmax()), column.size - 1}
-    return sorted(found)[:POINTS]
+    return sorted(found)[:POINTS_PER_FRAME]
 
 
 def _plain(value: float) -> float | None:
@@ -82,7 +82,7 @@ class Feed:
     """States, inputs and models as they come; `frame` is what the page gets."""
 
     def __init__(self) -> None:
-        self.state, self.input, self.error = Channel(), Channel(), Channel()
+        self.state, self.input, self.error = FeedChannel(), FeedChannel(), FeedChannel()
         self.model: dict[str, Any] | None = None
         self._from: tuple[float, Array, Array, dict[str, Any]] | None = None
         self._told = False
@@ -111,7 +111,7 @@ class Feed:
         if self._from is None or state is None:
             return
         begun, x, u, model = self._from
-        if state[1].size != x.size or not begun < state[0] <= now + SETTLED:
+        if state[1].size != x.size or not begun < state[0] <= now + MAX_MODEL_GAP:
             return
         driven = [row for t, row in self.input.kept if begun <= t < state[0] and row.size == u.size]
         mean = np.mean([u, *driven], axis=0) if driven else u
@@ -153,4 +153,4 @@ def predicted(A: Array, B: Array, c: Array, x: Array, u: Array, span: float) -> 
     return np.asarray((expm(block * span) @ np.concatenate([x, [1.0]]))[:n])
 
 
-__all__ = ["Channel", "Feed", "predicted"]
+__all__ = ["Feed", "FeedChannel", "predicted"]

@@ -8,9 +8,9 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-LATEST = 500_000_000
+MAX_MESSAGE_AGE = 500_000_000
 """Nanoseconds on the way within which some message comes where the clocks of the two sides agree."""
-REMEMBERED = 1000
+CLOCK_MESSAGES = 1000
 """Messages, one after the other, that must all come later for clocks that have agreed to agree no more."""
 
 
@@ -32,7 +32,7 @@ class Gathering:
         sent: bool = False,
     ) -> None:
         self._node, self._take, self._rest, self._sent = node, take, rest, sent
-        self._slow = REMEMBERED
+        self._slow = CLOCK_MESSAGES
         self._simulated = bool(node.get_parameter("use_sim_time").value)
         self.subscription = node.create_subscription(kind, topic, self._on_message, qos)
 
@@ -51,8 +51,8 @@ class Gathering:
         if self._simulated:
             return now
         came, sent = int(info["received_timestamp"]) or now, int(info["source_timestamp"])
-        self._slow = 0 if 0 <= came - sent < LATEST else self._slow + 1
-        return sent if self._sent and came >= sent and self._slow < REMEMBERED else came
+        self._slow = 0 if 0 <= came - sent < MAX_MESSAGE_AGE else self._slow + 1
+        return sent if self._sent and came >= sent and self._slow < CLOCK_MESSAGES else came
 
     def destroy(self) -> None:
         """Listen no more."""

@@ -35,23 +35,25 @@ from signlin_ros.nodes.linearizer_logic import (
     checked_linearizer,
 )
 from signlin_ros.nodes.managed import ManagedNode
-from signlin_ros.nodes.overrides import Entry
+from signlin_ros.nodes.overrides import Overridable
 from signlin_ros.nodes.parameters import on_change
-from signlin_ros.nodes.qos import LATCHED, SENSORS
+from signlin_ros.nodes.qos import LATCHED, SENSOR_QOS
 from signlin_ros.nodes.runner import run
 
 OPTIONS = {
-    "state_source": Entry("array", "where states come from", choices=("array", "joint_state")),
-    "joint_name": Entry("joint", "name of the joint in joint_states"),
-    "state_timeout": Entry(
+    "state_source": Overridable("array", "where states come from", choices=("array", "joint_state")),
+    "joint_name": Overridable("joint", "name of the joint in joint_states"),
+    "state_timeout": Overridable(
         0.0,
         "age of the state [s] above which nothing is published; 0: three update periods",
         0.0,
         1e6,
         read_only=False,
     ),
-    "observer": Entry("kalman", "where states that are not measured come from", choices=OBSERVERS),
-    "model_file": Entry("", "another model, taken at once; empty: the one that the node began with", read_only=False),
+    "observer": Overridable("kalman", "where states that are not measured come from", choices=OBSERVERS),
+    "model_file": Overridable(
+        "", "another model, taken at once; empty: the one that the node began with", read_only=False
+    ),
 }
 LONGEST_REST = 4e-3
 """Seconds for which messages gather, so that many come with one waking."""
@@ -107,8 +109,8 @@ class LinearizerNode(ManagedNode):
             "joint_state": (JointState, "joint_states", self._take_joint_state),
         }[source]
         self._inputs = [
-            Gathering(self, Float64MultiArray, "input", self._take_input, SENSORS, self._rest),
-            Gathering(self, kind, topic, take, SENSORS, self._rest),
+            Gathering(self, Float64MultiArray, "input", self._take_input, SENSOR_QOS, self._rest),
+            Gathering(self, kind, topic, take, SENSOR_QOS, self._rest),
         ]
         self._timer = self.create_timer(self.model.update_period, self._on_period)
 

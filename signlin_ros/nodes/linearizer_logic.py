@@ -21,7 +21,7 @@ from signlin_ros.sensors import Sensor
 
 Array = NDArray[np.float64]
 NANO = 1_000_000_000
-OK, WARN, ERROR = 0, 1, 2
+LEVEL_OK, WARN, ERROR = 0, 1, 2
 SHORTEST_PERIOD = 1e-4
 """Seconds; a node cannot publish faster."""
 OBSERVERS = ("kalman", "none")
@@ -347,7 +347,7 @@ class LinearizerLogic:
             return WARN, "waiting for the first state"
         if self.last is not None and not self.last.result.in_valid_range:
             return WARN, "outside the valid range of sign_j: friction is under- or overestimated"
-        return OK, "publishing"
+        return LEVEL_OK, "publishing"
 
     def rate(self, now: int) -> float:
         """Return how many models were made per second lately, over the last 20 at most."""

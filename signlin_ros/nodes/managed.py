@@ -8,10 +8,12 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallbackReturn
 
 from signlin_ros.errors import InputError
-from signlin_ros.nodes.overrides import Entry
+from signlin_ros.nodes.overrides import Overridable
 from signlin_ros.nodes.parameters import ModelNode
 
-AUTOSTART = {"autostart": Entry(True, "configure and activate at the start; false: wait to be asked (ros2 lifecycle)")}
+AUTOSTART = {
+    "autostart": Overridable(True, "configure and activate at the start; false: wait to be asked (ros2 lifecycle)")
+}
 
 
 class ManagedNode(LifecycleNodeMixin, ModelNode):  # type: ignore[misc]
@@ -22,7 +24,7 @@ class ManagedNode(LifecycleNodeMixin, ModelNode):  # type: ignore[misc]
     itself would end the executor (ros2/rclpy#1209).
     """
 
-    def __init__(self, name: str, options: Mapping[str, Entry], follows: bool = False) -> None:
+    def __init__(self, name: str, options: Mapping[str, Overridable], follows: bool = False) -> None:
         ModelNode.__init__(self, name, {**options, **AUTOSTART}, follows)
         LifecycleNodeMixin.__init__(self, enable_communication_interface=True, callback_group=None)
         self._fault: InputError | None = None

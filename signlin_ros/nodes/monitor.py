@@ -28,32 +28,36 @@ from std_srvs.srv import Trigger
 from signlin_ros.errors import SignlinError
 from signlin_ros.model import Model
 from signlin_ros.nodes import convert
-from signlin_ros.nodes.diagnosing import Diagnosis, Naming, Planning
+from signlin_ros.nodes.diagnosing import DiagnosisProcess, Naming, Planning
 from signlin_ros.nodes.gather import Gathering
 from signlin_ros.nodes.joint import measured_states
 from signlin_ros.nodes.linearizer_logic import NANO, Refusal
 from signlin_ros.nodes.managed import ManagedNode
-from signlin_ros.nodes.monitor_logic import MonitorLogic, Score, Settings
-from signlin_ros.nodes.overrides import Entry
-from signlin_ros.nodes.qos import LATCHED, MANY, RELIABLE
+from signlin_ros.nodes.monitor_logic import MonitorLogic, MonitorScore, MonitorSettings
+from signlin_ros.nodes.overrides import Overridable
+from signlin_ros.nodes.qos import LATCHED, RECORD_QOS, RELIABLE
 from signlin_ros.nodes.runner import run
 from signlin_ros.records import write_record
 
 OPTIONS = {
-    "state_source": Entry("array", "where states come from", choices=("array", "joint_state")),
-    "joint_name": Entry("joint", "name of the joint in joint_states"),
-    "linearizer": Entry("linearizer", "name of the linearizer that is watched, and that a better model is given to"),
-    "keep": Entry(120.0, "data that are kept [s], for diagnose and record", 1.0, 86400.0),
-    "window": Entry(10.0, "over which errors are taken together [s]", 0.1, 3600.0),
-    "learn": Entry(30.0, "time at the start, while all is well, in which is learnt what is usual [s]", 5.0, 86400.0),
-    "warn_above": Entry(3.0, "multiple of the usual error of a prediction above which it warns", 1.0, 1e6),
-    "folder": Entry("", "where diagnoses and records are written; empty: a temporary folder"),
+    "state_source": Overridable("array", "where states come from", choices=("array", "joint_state")),
+    "joint_name": Overridable("joint", "name of the joint in joint_states"),
+    "linearizer": Overridable(
+        "linearizer", "name of the linearizer that is watched, and that a better model is given to"
+    ),
+    "keep": Overridable(120.0, "data that are kept [s], for diagnose and record", 1.0, 86400.0),
+    "window": Overridable(10.0, "over which errors are taken together [s]", 0.1, 3600.0),
+    "learn": Overridable(
+        30.0, "time at the start, while all is well, in which is learnt what is usual [s]", 5.0, 86400.0
+    ),
+    "warn_above": Overridable(3.0, "multiple of the usual error of a prediction above which it warns", 1.0, 1e6),
+    "folder": Overridable("", "where diagnoses and records are written; empty: a temporary folder"),
 }
-ENOUGH = 20
+MIN_TIME_SINCE_CHANGE = 20
 """Seconds of data since a change from which on a diagnosis takes them alone."""
-TICK = 0.1
+LOOK_PERIOD = 0.1
 """Seconds between two looks at what has come."""
-REST = 0.02
+GATHER_REST = 0.02
 """Seconds for which messages gather: nobody waits for what the monitor says."""
 ERROR_LABEL = "sec, nanosec, n, error of A B c, error without friction, RMS of both over the window, fit in percent"
 """What stands in ``~/error``: two numbers of the stamp, n, then five times n values."""
@@ -66,7 +70,7 @@ class MonitorNode(ManagedNode):
         super().__init__("monitor", OPTIONS)
         option = self.options
         self.logic: Any = None
-        self.diagnosis: Diagnosis | None = None
+        self.diagnosis: DiagnosisProcess | None = None
         self._planning: Planning | None = None
         self._diagnosed: Path | None = None
         self._naming: Naming | None = None
@@ -88,7 +92,7 @@ class MonitorNode(ManagedNode):
     def set_up(self) -> None:
         """Make the logic, the publishers and the services."""
         option = self.options
-        settings = Settings(option["keep"], option["window"], option["learn"], option["warn_above"])
+        settings = MonitorSettings(option["keep"], option["window"], option["learn"], option["warn_above"])
         self.logic = MonitorLogic(settings, self.now())
         self._errors = self.create_publisher(Float64MultiArray, "~/error", RELIABLE)
         self._verdicts = self.create_publisher(String, "~/verdict", LATCHED)
@@ -116,10 +120,10 @@ class MonitorNode(ManagedNode):
             "joint_state": (JointState, "joint_states", self._take_joint_state),
         }[self.options["state_source"]]
         self._gathered = [
-            Gathering(self, kind, topic, take, MANY, lambda: REST, sent=True),
-            Gathering(self, Float64MultiArray, "input", self._take_input, MANY, lambda: REST, sent=True),
+            Gathering(self, kind, topic, take, RECORD_QOS, lambda: GATHER_REST, sent=True),
+            Gathering(self, Float64MultiArray, "input", self._take_input, RECORD_QOS, lambda: GATHER_REST, sent=True),
         ]
-        self._timer = self.create_timer(TICK, self._on_tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._timer = self.create_timer(LOOK_PERIOD, self._on_tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def end(self) -> None:
         """Listen no more; a diagnosis is given up."""
@@ -290,7 +294,7 @@ class MonitorNode(ManagedNode):
             return _answer(response, False, "a diagnosis is running already")
         try:
             record = self.logic.record(since=self._since())
-            self.diagnosis = Diagnosis(self.logic.model, record, self._new_folder("diagnosis"))
+            self.diagnosis = DiagnosisProcess(self.logic.model, record, self._new_folder("diagnosis"))
         except (SignlinError, OSError) as error:
             return _answer(response, False, str(error))
         self._tell_running(0.0)
@@ -299,7 +303,7 @@ class MonitorNode(ManagedNode):
     def _since(self) -> int:
         """Return from when on data are of one machine: since it changed, if that is long enough ago."""
         changed = self.logic.alarm_stamp
-        return changed if changed is not None and self.now() - changed > ENOUGH * NANO else 0
+        return changed if changed is not None and self.now() - changed > MIN_TIME_SINCE_CHANGE * NANO else 0
 
     def _look_after_diagnosis(self) -> None:
         if self.diagnosis is None or self.diagnosis.running:
@@ -375,7 +379,7 @@ class MonitorNode(ManagedNode):
         return folder
 
 
-def error_message(score: Score) -> Float64MultiArray:
+def error_message(score: MonitorScore) -> Float64MultiArray:
     """Return a score as the flat message of ``~/error``; its label names the layout."""
     head = [*divmod(score.stamp, NANO), len(score.error)]
     values = [*head, *score.error, *score.bare, *score.rms, *score.rms_bare, *score.fit]

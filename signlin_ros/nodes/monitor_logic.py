@@ -16,25 +16,25 @@ from scipy.linalg import expm
 from signlin_ros.errors import InputError
 from signlin_ros.linearization import Linearization, Linearizer
 from signlin_ros.model import Model
-from signlin_ros.nodes.linearizer_logic import ERROR, NANO, OK, WARN, Health, Refusal, Update
+from signlin_ros.nodes.linearizer_logic import ERROR, LEVEL_OK, NANO, WARN, Health, Refusal, Update
 from signlin_ros.observe.detect import Alarm
-from signlin_ros.observe.naming import Question, Stretch
+from signlin_ros.observe.naming import ObservedWindow, Question
 from signlin_ros.observe.watch import Watch
 from signlin_ros.predict import without_dry_friction
 from signlin_ros.records import Record, Signal
 
 Array = NDArray[np.float64]
 
-PARTS = 10
+PREDICTION_PARTS = 10
 """An update period is predicted in so many parts, each with its mean input."""
-SPAN = 20 * NANO
+NAMING_SPAN = 20 * NANO
 """Nanoseconds of data before and after a change that its name is taken from."""
 LEAST_FITTED = 5
 """Predictions that a fit is told of at least."""
 
 
 @dataclass(frozen=True)
-class Settings:
+class MonitorSettings:
     """How the monitor judges: ``keep``, ``window``, ``learn`` in s, ``warn_above`` in multiples of the usual error."""
 
     keep: float = 120.0
@@ -44,7 +44,7 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class Score:
+class MonitorScore:
     """One judged update: stamp in ns, error (n,) of A_k, B_k and of the friction-free model at the period's end.
 
     ``rms``, ``rms_bare``, ``fit`` (n,): over the window.
@@ -69,7 +69,7 @@ class _Judged:
 class MonitorLogic:
     """States, inputs and updates in; scores, alarms, health and records out."""
 
-    def __init__(self, settings: Settings, now: int) -> None:
+    def __init__(self, settings: MonitorSettings, now: int) -> None:
         self.settings = settings
         self.refused: dict[str, int] = {}
         self.model: Model | None = None
@@ -140,7 +140,7 @@ class MonitorLogic:
 
     # ---------------------------------------------------------------- what is told
 
-    def work(self, now: int) -> tuple[list[Score], Alarm | None]:
+    def work(self, now: int) -> tuple[list[MonitorScore], Alarm | None]:
         """Do all that is due; returns the updates that could be judged, and a change as it is called."""
         self._drop(now)
         if self._watch is None or self.model is None:
@@ -168,21 +168,24 @@ class MonitorLogic:
         return None if self.alarm is None else self._epoch + round(self.alarm.onset * NANO)
 
     def question(self, now: int) -> Question | None:
-        """Return what is to be asked of what has changed, once `SPAN` of data since then are there; None before.
+        """Return what is to be asked of what has changed, once `NAMING_SPAN` of data since then are there; None before.
 
         Raises `InputError` where less than that is kept.
         """
         watch, alarm, onset = self._watch, self.alarm, self.alarm_stamp or 0
-        if alarm is None or watch is None or self.model is None or watch.trust is None or now < onset + SPAN:
+        if alarm is None or watch is None or self.model is None or watch.trust is None or now < onset + NAMING_SPAN:
             return None
-        since, before = self._stretch(self.model, onset, onset + SPAN), self._stretch(self.model, onset - SPAN, onset)
+        since, before = (
+            self._stretch(self.model, onset, onset + NAMING_SPAN),
+            self._stretch(self.model, onset - NAMING_SPAN, onset),
+        )
         return Question(self.model, before, since, watch.trust, watch.sigma, alarm.kind == "shift")
 
-    def _stretch(self, model: Model, since: int, until: int) -> Stretch:
+    def _stretch(self, model: Model, since: int, until: int) -> ObservedWindow:
         record = self.record(model, since, until)
         begun = next(stamp for stamp, _ in self._shown if stamp >= max(since, self._inputs[0][0]))
         measured = {n: record.signals[n].values for n in model.states if n in record.signals}
-        return Stretch(
+        return ObservedWindow(
             self._seconds(begun) + record.t, measured, np.column_stack([record.signals[n].values for n in model.inputs])
         )
 
@@ -241,7 +244,7 @@ class MonitorLogic:
             worst = float(np.max(self._score().rms / np.maximum(self.usual_error, 1e-12)))
             if worst > self.settings.warn_above:
                 return WARN, f"predictions are {worst:.1f} times as wrong as usual"
-        return OK, "learning what is usual" if self._watch is None or self._watch.trust is None else "as usual"
+        return LEVEL_OK, "learning what is usual" if self._watch is None or self._watch.trust is None else "as usual"
 
     # ---------------------------------------------------------------- inside
 
@@ -269,13 +272,13 @@ class MonitorLogic:
     def _mean_inputs(self, start: int, period: int) -> Array:
         """Return the mean input (PARTS, m) in each part of a period that begins at ``start`` ns."""
         delay = round((self.model.delay if self.model else 0.0) * NANO)
-        edges = start - delay + np.linspace(0, period, PARTS * 4 + 1)[:-1]
+        edges = start - delay + np.linspace(0, period, PREDICTION_PARTS * 4 + 1)[:-1]
         stamps = np.array([stamp for stamp, _ in self._inputs])
         values = np.array([value for _, value in self._inputs])
         at = np.maximum(np.searchsorted(stamps, edges, side="right") - 1, 0)
-        return np.asarray(values[at].reshape(PARTS, 4, -1).mean(axis=1))
+        return np.asarray(values[at].reshape(PREDICTION_PARTS, 4, -1).mean(axis=1))
 
-    def _judge(self, update: Update, period: int) -> list[Score]:
+    def _judge(self, update: Update, period: int) -> list[MonitorScore]:
         start, end = self._seconds(update.stamp), self._seconds(update.stamp + period)
         before, after = self._state_at(start), self._state_at(end)
         if before is None or after is None or not self._inputs or self.model is None:
@@ -292,7 +295,7 @@ class MonitorLogic:
             self.usual_error = self._score().rms
         return [self._score()]
 
-    def _score(self) -> Score:
+    def _score(self) -> MonitorScore:
         last = self._judged[-1]
         error, bare, truth = (np.array([getattr(j, n) for j in self._judged]) for n in ("error", "bare", "truth"))
         spread = np.sqrt(np.sum((truth - truth.mean(axis=0)) ** 2, axis=0))
@@ -300,7 +303,7 @@ class MonitorLogic:
         enough = len(self._judged) >= LEAST_FITTED
         fit = np.where((spread > 0) & enough, 100 * (1 - size / np.where(spread > 0, spread, 1.0)), np.nan)
         rms = [np.sqrt(np.mean(e**2, axis=0)) for e in (error, bare)]
-        return Score(last.stamp, last.error, last.bare, rms[0], rms[1], fit)
+        return MonitorScore(last.stamp, last.error, last.bare, rms[0], rms[1], fit)
 
 
 def _carried(model: Linearization, x: Array, u: Array, span: float) -> Array:
@@ -314,4 +317,4 @@ def _carried(model: Linearization, x: Array, u: Array, span: float) -> Array:
     return np.asarray(x)
 
 
-__all__ = ["MonitorLogic", "Score", "Settings"]
+__all__ = ["MonitorLogic", "MonitorScore", "MonitorSettings"]

@@ -24,7 +24,7 @@ from signlin_ros.par import Pars, gathered
 
 
 @dataclass(frozen=True)
-class Entry:
+class Overridable:
     """One parameter of a node as it is declared: the value, and what ``ros2 param describe`` shows.
 
     A float or int must lie in [low, high]; a string, where there are choices, must be one of them.
@@ -195,22 +195,22 @@ def _folder(files: Sequence[Path], effect_files: Iterable[str]) -> Path:
     return next((f for f in folders if all((f / name).is_file() for name in names)), folders[0])
 
 
-def entries_of(model: Model) -> dict[str, Entry]:
+def entries_of(model: Model) -> dict[str, Overridable]:
     """Return all of a model as parameters by dotted name, so that ``ros2 param dump`` gives a model file."""
     if model.plant.name == "arm":
         return _arm_entries(model)
-    found = {"plant": Entry(model.plant.name, "base equations")}
+    found = {"plant": Overridable(model.plant.name, "base equations")}
     found |= _parameter_entries(model)
     for key, use in model.effects.items():
-        found[f"effects.{key}.type"] = Entry(use.type, "name of the effect in the catalogue")
+        found[f"effects.{key}.type"] = Overridable(use.type, "name of the effect in the catalogue")
     return found | _method_entries(model) | _fixed_entries(model)
 
 
-def _arm_entries(model: Model) -> dict[str, Entry]:
+def _arm_entries(model: Model) -> dict[str, Overridable]:
     """Return all of an arm: the numbers of its joints, which can change, and what its file says besides."""
     own = {name: value for name, value in model.to_dict().items() if name not in model.node_options}
     content = {name: value for name, value in _flat(own) if value not in ([], ())}
-    found = {name: Entry(value, "of the model file of the arm") for name, value in content.items()}
+    found = {name: Overridable(value, "of the model file of the arm") for name, value in content.items()}
     numbers = {in_file(model, name): entry for name, entry in _parameter_entries(model).items()}
     numbers = {n: e for n, e in numbers.items() if n in content or not n.endswith(".effort.gain")}  # given: in A
     return found | numbers | {n: e for n, e in _method_entries(model).items() if not n.startswith("state_weights")}
@@ -221,7 +221,7 @@ def in_file(model: Model, name: str) -> str:
     return str(getattr(model, "in_file", str)(name))
 
 
-def _parameter_entries(model: Model) -> dict[str, Entry]:
+def _parameter_entries(model: Model) -> dict[str, Overridable]:
     """Return the parameters of the plant and the effects; a list is one parameter, as it is one key of a model file."""
     declared, found = Pars(model.par_declarations()), {}
     for name, value in gathered({name: model.value(name) for name in declared}).items():
@@ -229,17 +229,17 @@ def _parameter_entries(model: Model) -> dict[str, Entry]:
         excluded = ", 0 excluded" if par.positive and par.low == 0 else ""
         text = f"{par.doc} [{par.unit}]{excluded}"
         if par.words:
-            found[name] = Entry(par.written(value), f"{par.doc}: {par.range_text()}")
+            found[name] = Overridable(par.written(value), f"{par.doc}: {par.range_text()}")
         elif isinstance(value, list):
-            found[name] = Entry(value, f"{text}, each in {par.range_text()}", read_only=par.structural)
+            found[name] = Overridable(value, f"{text}, each in {par.range_text()}", read_only=par.structural)
         else:
-            found[name] = Entry(value, text, par.low, par.high, read_only=par.structural)
+            found[name] = Overridable(value, text, par.low, par.high, read_only=par.structural)
     return found
 
 
-def _method_entries(model: Model) -> dict[str, Entry]:
+def _method_entries(model: Model) -> dict[str, Overridable]:
     """Return the options that can change while the node runs."""
-    free = partial(Entry, read_only=False)
+    free = partial(Overridable, read_only=False)
     found = {
         "sign_order": free(model.sign_order, "order j of sign_j", 1, sign.MAX_ORDER),
         "sign_scale": free(
@@ -264,31 +264,33 @@ def _method_entries(model: Model) -> dict[str, Entry]:
     return found
 
 
-def _fixed_entries(model: Model) -> dict[str, Entry]:
+def _fixed_entries(model: Model) -> dict[str, Overridable]:
     """Return the options that are decided when the node starts."""
     found = {
-        "with_position": Entry(model.with_position, "position as a state even where nothing needs it"),
-        "with_load_torque": Entry(model.with_load_torque, "load torque as a second input"),
+        "with_position": Overridable(model.with_position, "position as a state even where nothing needs it"),
+        "with_load_torque": Overridable(model.with_load_torque, "load torque as a second input"),
         **(
-            {"with_inputs": Entry(list(model.with_inputs), "optional inputs of the plant")} if model.with_inputs else {}
+            {"with_inputs": Overridable(list(model.with_inputs), "optional inputs of the plant")}
+            if model.with_inputs
+            else {}
         ),
-        **({"per_record": Entry(list(model.per_record), "not used by nodes")} if model.per_record else {}),
-        "gear": Entry(model.gear, "turns of the motor for one of the joint [-]; not used by nodes"),
+        **({"per_record": Overridable(list(model.per_record), "not used by nodes")} if model.per_record else {}),
+        "gear": Overridable(model.gear, "turns of the motor for one of the joint [-]; not used by nodes"),
     }
     if model.axis:
-        found["axis"] = Entry(model.axis, "rotary or linear; not used by nodes")
+        found["axis"] = Overridable(model.axis, "rotary or linear; not used by nodes")
     if not model.asks_hold:
-        found["input_hold"] = Entry(model.input_hold, "when the input of a record acts; not used by nodes")
+        found["input_hold"] = Overridable(model.input_hold, "when the input of a record acts; not used by nodes")
     for name, value in model.initial_state.items():
-        found[f"initial_state.{name}"] = Entry(value, f"initial {name} [{model.units[name]}]")
+        found[f"initial_state.{name}"] = Overridable(value, f"initial {name} [{model.units[name]}]")
     for name, column in model.signals.items():
-        found[f"signals.{name}"] = Entry(column, f"column or topic that holds {name} in a record")
+        found[f"signals.{name}"] = Overridable(column, f"column or topic that holds {name} in a record")
     for name, names in (("frozen", model.frozen), ("effect_files", model.effect_files)):
         if names:
-            found[name] = Entry(list(names), {"frozen": "parameters that no fit may move"}.get(name, "files"))
+            found[name] = Overridable(list(names), {"frozen": "parameters that no fit may move"}.get(name, "files"))
     tolerances = model.tolerance if isinstance(model.tolerance, dict) else {"": model.tolerance}
     for name, value in tolerances.items():
-        found[f"tolerance.{name}".rstrip(".")] = Entry(value, "relative tolerance of the base parameters [-]")
+        found[f"tolerance.{name}".rstrip(".")] = Overridable(value, "relative tolerance of the base parameters [-]")
     return found
 
 

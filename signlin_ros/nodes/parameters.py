@@ -18,7 +18,7 @@ from rclpy.parameter import Parameter
 from signlin_ros.errors import InputError, suggest
 from signlin_ros.model import Model
 from signlin_ros.nodes import overrides
-from signlin_ros.nodes.overrides import Entry
+from signlin_ros.nodes.overrides import Overridable
 
 _arguments: ContextVar[Sequence[str] | None] = ContextVar("arguments", default=None)
 
@@ -40,7 +40,7 @@ class ModelNode(Node):  # type: ignore[misc]
     model is read-only.
     """
 
-    def __init__(self, name: str, options: Mapping[str, Entry], follows: bool = False) -> None:
+    def __init__(self, name: str, options: Mapping[str, Overridable], follows: bool = False) -> None:
         own = _arguments.get()
         super().__init__(name, cli_args=own, use_global_arguments=own is None)
         arguments = sys.argv if own is None else own
@@ -66,7 +66,7 @@ class ModelNode(Node):  # type: ignore[misc]
         return int(self.get_clock().now().nanoseconds)
 
 
-def declare(node: Node, entries: Mapping[str, Entry]) -> None:
+def declare(node: Node, entries: Mapping[str, Overridable]) -> None:
     """Declare parameters with their values.
 
     The values come from the overrides already, checked, and with whole numbers made floats where a float is
@@ -76,7 +76,7 @@ def declare(node: Node, entries: Mapping[str, Entry]) -> None:
         node.declare_parameter(name, entry.value, descriptor(entry), ignore_override=True)
 
 
-def descriptor(entry: Entry) -> ParameterDescriptor:
+def descriptor(entry: Overridable) -> ParameterDescriptor:
     """Return the descriptor of an entry."""
     result = ParameterDescriptor(description=entry.description, read_only=entry.read_only)
     if entry.choices:

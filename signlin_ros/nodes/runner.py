@@ -29,7 +29,7 @@ END_PATIENCE = 10.0
 """Seconds that taking a node down may last."""
 LONGEST_REST = 4e-3
 """Seconds for which messages of several nodes in one process gather at most: others have their times to keep."""
-MOMENT = 0.01
+INTERRUPT_TIME = 0.01
 """Time in s after which something is interrupted that could not be at once."""
 
 
@@ -115,7 +115,7 @@ class _Signals:
         An object whose ``__init__`` was interrupted may complain when it is taken down, as those of llvmlite do.
         """
         if what.exc_type is _Stop:
-            signal.setitimer(signal.ITIMER_REAL, MOMENT)
+            signal.setitimer(signal.ITIMER_REAL, INTERRUPT_TIME)
         elif self.started or not self.stop:
             sys.__unraisablehook__(what)
 

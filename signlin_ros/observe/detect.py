@@ -21,13 +21,13 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-BLOCK = 0.25
+BLOCK_SECONDS = 0.25
 """Seconds in a block."""
-LEAST = 8
+MIN_BLOCK_SAMPLES = 8
 """Samples in a block at least."""
-CLIP = 50.0
+MAX_SQUARED_INNOVATION = 50.0
 """A squared innovation counts so much at most: one wild sample is no change."""
-MARGIN = 0.7
+BLOCK_MARGIN = 0.7
 """By how much the logarithm of a block's mean square must pass the largest usual one to count."""
 BOUND = 1.2
 """Sum of what blocks have beyond that at which a change is called."""
@@ -35,7 +35,7 @@ FORGIVEN = 0.4
 """A usual block takes at most so much from the sum."""
 RUNS = (2, 3, 5)
 """So many samples to one side are a change; a single one is a wild value."""
-CLEAR = 2.5
+MIN_RUN_MEAN = 2.5
 """What the other values of a run must be on the mean, beside the largest."""
 RUN_MARGIN, RUN_FLOOR = 1.5, 6.5
 """A run's size against the largest usual one of any situation, some seen for seconds only; and at least."""
@@ -50,9 +50,9 @@ LIKER = 1.15
 """By how much a trace must be more like that of a shift than like that of a wild value."""
 EARLIER = 2
 """Samples before a shift that are looked at, too: a wild value may have been there, a shift leaves them as usual."""
-LEFT, FORM = 24.0, 0.3
+MAX_SHIFT_RESIDUAL, MAX_FORM_RESIDUAL = 24.0, 0.3
 """What a shift may leave unexplained, in variances (1 - p of 0.1 % for 7 of them), and as a share of its size."""
-FEWEST, SEEN = 12, 4
+MIN_SITUATION_BLOCKS, MIN_RUN_BLOCKS = 12, 4
 """Blocks of a situation that must be known before one is called unusual, and before a run or a shift in it is."""
 
 
@@ -79,12 +79,12 @@ class _Usual:
     @property
     def known(self) -> bool:
         """Whether enough was seen to call a block unusual."""
-        return len(self.blocks) >= FEWEST
+        return len(self.blocks) >= MIN_SITUATION_BLOCKS
 
     @property
     def seen(self) -> bool:
         """Whether enough was seen to call a run or a shift unusual."""
-        return len(self.blocks) >= SEEN
+        return len(self.blocks) >= MIN_RUN_BLOCKS
 
     @property
     def block(self) -> float:
@@ -125,7 +125,7 @@ class _Usual:
         return self.sum > BOUND
 
 
-class Trace:
+class ShiftTrace:
     """How like the trace of a shift the last innovations of a channel are.
 
     ``signature`` (L,): what a shift adds to the innovations from its first sample on, whatever its size.
@@ -158,7 +158,7 @@ class Trace:
         last = np.array(self._last)
         found = np.abs(self._forms @ last)
         shift, wild = float(found[0]), float(found[1:].max())
-        explained = float(last @ last) - shift**2 <= LEFT + (FORM * shift) ** 2
+        explained = float(last @ last) - shift**2 <= MAX_SHIFT_RESIDUAL + (MAX_FORM_RESIDUAL * shift) ** 2
         return (shift if explained and shift > LIKER * wild else 0.0), wild
 
 
@@ -187,12 +187,12 @@ class ChangeDetector:
 
     What is usual differs by situation (in motion, near a reversal, at rest): a whole number that comes with each
     sample; a block belongs to the largest in it. A situation that is new is learnt first. After an `Alarm` it stays:
-    ``alarm`` holds it until `restart`. ``signatures`` by number of the channel: see `Trace`; a channel without one is
-    not asked for shifts.
+    ``alarm`` holds it until `restart`. ``signatures`` by number of the channel: see `ShiftTrace`; a channel without
+    one is not asked for shifts.
     """
 
     def __init__(
-        self, learn: float = 30.0, margin: float = MARGIN, signatures: Mapping[int, Array] | None = None
+        self, learn: float = 30.0, margin: float = BLOCK_MARGIN, signatures: Mapping[int, Array] | None = None
     ) -> None:
         self.learn, self.margin, self.signatures = learn, margin, dict(signatures or {})
         self.restart()
@@ -203,7 +203,7 @@ class ChangeDetector:
         self.alarm: Alarm | None = None
         self._begun, self._block_start, self._situation = np.nan, np.nan, 0
         self._block: list[float] = []
-        self._traces = {channel: Trace(form) for channel, form in self.signatures.items()}
+        self._traces = {channel: ShiftTrace(form) for channel, form in self.signatures.items()}
         self._runs: dict[int, deque[float]] = {}
         self._leanings: dict[int, Leaning] = {}
         self._run_max = self._leaning_max = self._shift_max = 0.0
@@ -235,7 +235,7 @@ class ChangeDetector:
     def _take(self, t: float, z: float, situation: int, channel: int) -> None:
         if self._begun != self._begun:
             self._begun = self._block_start = t
-        if t - self._block_start >= BLOCK and len(self._block) >= LEAST:
+        if t - self._block_start >= BLOCK_SECONDS and len(self._block) >= MIN_BLOCK_SAMPLES:
             self._end_block()
             self._block_start = t
         self._situation = max(self._situation, situation)
@@ -247,7 +247,7 @@ class ChangeDetector:
         self._leaning_max = max(self._leaning_max, leaning)
         self._look(t, channel, (run, shift, wild))
         self._look_back(t, leaning, leant)
-        self._block.append(min(z * z, CLIP))
+        self._block.append(min(z * z, MAX_SQUARED_INNOVATION))
 
     def _run_of(self, channel: int, z: float) -> float:
         last = self._runs.setdefault(channel, deque(maxlen=RUNS[-1]))
@@ -287,7 +287,7 @@ class ChangeDetector:
         if self.learning or not usual.known:
             usual.learn(size, self._run_max, self._leaning_max, self._shift_max)
         elif usual.passed(self._block_start, size, self.margin) and self.alarm is None:
-            self.alarm = Alarm(self._block_start + BLOCK, usual.onset, "change")
+            self.alarm = Alarm(self._block_start + BLOCK_SECONDS, usual.onset, "change")
         self.size, self._block, self._situation = size, [], 0
         self._run_max = self._leaning_max = self._shift_max = 0.0
 
@@ -295,13 +295,13 @@ class ChangeDetector:
 def _run_size(values: list[float]) -> float:
     """Return the largest sum over its root's length of the last values that are all to one side.
 
-    All but the largest must be `CLEAR` on the mean: one wild value beside a usual one is no run.
+    All but the largest must be `MIN_RUN_MEAN` on the mean: one wild value beside a usual one is no run.
     """
     size = 0.0
     for length in RUNS:
         last = [abs(value) for value in values[-length:]]
         same = min(values[-length:]) > 0 or max(values[-length:]) < 0
-        if len(last) == length and same and sum(last) - max(last) >= CLEAR * (length - 1):
+        if len(last) == length and same and sum(last) - max(last) >= MIN_RUN_MEAN * (length - 1):
             size = max(size, sum(last) / length**0.5)
     return size
 

@@ -22,7 +22,7 @@ STUBBORN = 3
 """So many values in a row that are not believed are believed after all."""
 FORGETTING = 1.0
 """How long, in s, a filter's likelihood is remembered."""
-DOUBT = 100.0
+VARIANCE_GROWTH = 100.0
 """By how much the variances grow where a measured state is set anew."""
 
 
@@ -91,7 +91,7 @@ def _set_anew(f, X, U, D, i, y, R, b):
     """Put a measured state where the sensor sees it, and doubt the others."""
     n = X.shape[1]
     for a in range(n):  # by rows: those below need no columns of what is above
-        total = DOUBT * _variance(U, D, f, a)
+        total = VARIANCE_GROWTH * _variance(U, D, f, a)
         for c in range(n):
             U[f, a, c] = 1.0 if a == c else 0.0
         b[a] = R if a == i else total

@@ -21,9 +21,9 @@ Array = NDArray[np.float64]
 
 SHARES = (0.3, 0.6)
 """Of the inertia behind a play that has opened."""
-STIFFNESS, DAMPING = 150.0, 0.1
+CONTACT_FREQUENCY, CONTACT_DAMPING = 150.0, 0.1
 """Natural frequency of that play in contact in rad/s, and its damping as a share of sqrt(k J)."""
-GAINS, FACTORS, PAYLOADS = (0.5, 1.6), (0.3, 3.0), (0.4, 2.5)
+INPUT_GAINS, LEVEL_FACTORS, PAYLOADS = (0.5, 1.6), (0.3, 3.0), (0.4, 2.5)
 """Factors between which the input, a level or base parameter, and what hangs on the machine may have changed."""
 LATEST, GAPS = 0.05, (0.002, 0.06)
 """A delay in s that has come, and half widths of a play, rad or a share of the travel."""
@@ -32,7 +32,7 @@ INERTIAS = ("J", "m")
 
 
 @dataclass(frozen=True)
-class Stretch:
+class ObservedWindow:
     """What was seen for a while: times t (T,) in s, shown values (T,) by name, inputs u (T, m)."""
 
     t: Array
@@ -66,9 +66,9 @@ class Hypothesis:
     channel: str = ""
 
 
-def of_the_model(model: Model, since: Stretch) -> Iterator[Hypothesis]:
+def of_the_model(model: Model, since: ObservedWindow) -> Iterator[Hypothesis]:
     """Yield what may change in a machine that its model describes, in the order in which machines change."""
-    yield Hypothesis("input_gain", *_range(GAINS), lambda g: Changed(model, g))
+    yield Hypothesis("input_gain", *_range(INPUT_GAINS), lambda g: Changed(model, g))
     yield from _offsets(model, since)
     yield _delay(model)
     for key, use in model.effects.items():
@@ -81,7 +81,7 @@ def of_the_model(model: Model, since: Stretch) -> Iterator[Hypothesis]:
     yield from _plays(model, since)
 
 
-def of_the_catalogue(model: Model, since: Stretch) -> Iterator[Hypothesis]:
+def of_the_catalogue(model: Model, since: ObservedWindow) -> Iterator[Hypothesis]:
     """Yield every effect of the catalogue that has one level and nothing else, up to the size of the usual force."""
     used = {use.type for use in model.effects.values()}
     per_force = _per_force(model, since)
@@ -129,7 +129,7 @@ def _is_possible(made: Callable[..., Changed], *values: float) -> bool:
     return True
 
 
-def _offsets(model: Model, since: Stretch) -> Iterator[Hypothesis]:
+def _offsets(model: Model, since: ObservedWindow) -> Iterator[Hypothesis]:
     """A sensor has shifted, by up to what it shows."""
     for name, values in since.measured.items():
         size = float(np.nanmax(values) - np.nanmin(values)) if np.isfinite(values).any() else 0.0
@@ -154,7 +154,7 @@ def _delay(model: Model) -> Hypothesis:
 
 def _scaled(model: Model, name: str) -> Hypothesis:
     value = model.value(name)
-    return Hypothesis(name, *_range(FACTORS), lambda s: Changed(model.with_parameters({name: s * value})))
+    return Hypothesis(name, *_range(LEVEL_FACTORS), lambda s: Changed(model.with_parameters({name: s * value})))
 
 
 def _levels(model: Model, key: str, kind: str) -> Iterator[Hypothesis]:
@@ -165,17 +165,17 @@ def _levels(model: Model, key: str, kind: str) -> Iterator[Hypothesis]:
     levels = {f"{key}.{n}": model.value(f"{key}.{n}") for n, unit in units.items() if unit.startswith("F")}
     if any(levels.values()):
         scaled = lambda s: Changed(model.with_parameters({n: s * v for n, v in levels.items()}))  # noqa: E731
-        yield Hypothesis(key, *_range(FACTORS), scaled)
+        yield Hypothesis(key, *_range(LEVEL_FACTORS), scaled)
 
 
-def _load(model: Model, since: Stretch) -> Hypothesis:
+def _load(model: Model, since: ObservedWindow) -> Hypothesis:
     size = usual_force(model, since.u)
     key = "constant_load" if "constant_load" not in model.effects else "constant_load_since"
     added = lambda F: Changed(model.with_effect("constant_load", key=key, F0=F))  # noqa: E731
     return Hypothesis("constant_load", (-size,), (size,), added, model.plant.force_unit)
 
 
-def _payloads(model: Model, since: Stretch) -> Iterator[Hypothesis]:
+def _payloads(model: Model, since: ObservedWindow) -> Iterator[Hypothesis]:
     """Something was put on: the inertia grows, and its weight, or a weight that the model does not have yet."""
     inertia = next((name for name in INERTIAS if name in model.parameters), None)
     if inertia is None:
@@ -200,30 +200,30 @@ def _payloads(model: Model, since: Stretch) -> Iterator[Hypothesis]:
         yield Hypothesis("payload", *sizes, hung, unit, further)
 
 
-def _plays(model: Model, since: Stretch) -> Iterator[Hypothesis]:
+def _plays(model: Model, since: ObservedWindow) -> Iterator[Hypothesis]:
     """Part of the inertia comes loose, within a play that opens."""
     inertia = next((name for name in INERTIAS if name in model.parameters), None)
     if inertia is None or model.plant.position not in model.states or "backlash" in model.effects:
         return
     whole = model.parameters[inertia]
     for share in SHARES:
-        loose, k = share * whole, share * whole * STIFFNESS**2
+        loose, k = share * whole, share * whole * CONTACT_FREQUENCY**2
 
         def made(gap: float, loose: float = loose, k: float = k) -> Changed:
             rest = model.with_parameters({inertia: whole - loose})
-            return Changed(rest.with_effect("backlash", gap=gap, k=k, c=DAMPING * (k * loose) ** 0.5, J=loose))
+            return Changed(rest.with_effect("backlash", gap=gap, k=k, c=CONTACT_DAMPING * (k * loose) ** 0.5, J=loose))
 
         reach = 1.0 if model.unit_of("Q") == "rad" else _travel(model, since)
         yield Hypothesis("backlash", (GAPS[0] * reach,), (GAPS[1] * reach,), made, model.unit_of("Q"))
 
 
-def _travel(model: Model, since: Stretch) -> float:
+def _travel(model: Model, since: ObservedWindow) -> float:
     """Return half of the way that the machine has gone to and fro."""
     q = since.measured.get(model.plant.position)
     return 1.0 if q is None else max(float(np.nanmax(q) - np.nanmin(q)) / 2, 1e-9)
 
 
-def _per_force(model: Model, since: Stretch) -> dict[str, float]:
+def _per_force(model: Model, since: ObservedWindow) -> dict[str, float]:
     """Return, by the unit of a level, what one unit of force makes of it at the largest velocity and excursion."""
     found = {"F": 1.0}
     q = since.measured.get(model.plant.position)
@@ -239,4 +239,4 @@ def _per_force(model: Model, since: Stretch) -> dict[str, float]:
     return found
 
 
-__all__ = ["Changed", "Hypothesis", "Stretch", "of_the_catalogue", "of_the_model", "usual_force"]
+__all__ = ["Changed", "Hypothesis", "ObservedWindow", "of_the_catalogue", "of_the_model", "usual_force"]

@@ -13,17 +13,17 @@ Array = NDArray[np.float64]
 
 WINDOW = 512
 """Samples that an estimate is made of at most."""
-AGAIN = 128
+ESTIMATE_INTERVAL = 128
 """Samples from one estimate to the next at most."""
-LEAST = 8
+MIN_METER_SAMPLES = 8
 """Samples before the first estimate."""
 RELATIVE = 1e-6
 """Noise of a value of which nothing is known yet, relative to it."""
-STANDING = 4.0
+STANDING_STEPS = 4.0
 """A channel that stays within so many of its steps says nothing new of its noise."""
 ONCE = 0.9
 """A channel of which more values than this share come once only shows no step: steady motion has even steps, too."""
-REMEMBERED = 1000
+MAX_METER_ESTIMATES = 1000
 """Estimates that the usual one is taken of at most."""
 
 
@@ -37,8 +37,8 @@ class NoiseMeter:
         self.sigma = 1e-9 if known is None else known
         self._known = known is not None
         self._samples: deque[tuple[float, float]] = deque(maxlen=WINDOW)
-        self._count, self._next, self._quantum = 0, LEAST, np.inf
-        self._found: deque[float] = deque(maxlen=REMEMBERED)
+        self._count, self._next, self._quantum = 0, MIN_METER_SAMPLES, np.inf
+        self._found: deque[float] = deque(maxlen=MAX_METER_ESTIMATES)
 
     @property
     def known(self) -> bool:
@@ -56,10 +56,10 @@ class NoiseMeter:
             return
         self._samples.append((t, value))
         self._count += 1
-        if self._count < LEAST:
+        if self._count < MIN_METER_SAMPLES:
             self.sigma = max(self.sigma, RELATIVE * abs(value))
         elif self._count >= self._next:
-            self._next = self._count + min(self._count, AGAIN)
+            self._next = self._count + min(self._count, ESTIMATE_INTERVAL)
             self._estimate()
 
     def _estimate(self) -> None:
@@ -68,7 +68,7 @@ class NoiseMeter:
         if quantum > 0:
             self._quantum = min(self._quantum, quantum)
         floor = self._quantum if np.isfinite(self._quantum) else 0.0
-        if np.ptp(y) <= STANDING * floor:
+        if np.ptp(y) <= STANDING_STEPS * floor:
             self.sigma = max(self.sigma, float(floor / np.sqrt(12.0)))
             return
         self.sigma = max(smooth_noise(t, y), floor / np.sqrt(12.0), 1e-12)
@@ -78,7 +78,7 @@ class NoiseMeter:
     def of(t: Array, y: Array) -> float:
         """Return the standard deviation of the noise on a whole channel (T,)."""
         there = np.isfinite(y)
-        if there.sum() < LEAST:
+        if there.sum() < MIN_METER_SAMPLES:
             return 1e-12
         return float(max(smooth_noise(t[there], y[there]), _step(y[there]) / np.sqrt(12.0), 1e-12))
 

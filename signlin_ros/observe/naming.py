@@ -21,7 +21,7 @@ from scipy.optimize import minimize, minimize_scalar
 
 from signlin_ros.errors import SignlinError
 from signlin_ros.model import Model
-from signlin_ros.observe.hypotheses import Changed, Hypothesis, Stretch, of_the_catalogue, of_the_model
+from signlin_ros.observe.hypotheses import Changed, Hypothesis, ObservedWindow, of_the_catalogue, of_the_model
 from signlin_ros.observe.observer import Innovations, KalmanObserver
 
 Array = NDArray[np.float64]
@@ -42,7 +42,7 @@ MIN_EXPLAINED = 0.85
 """Share of what the squared innovations exceed the usual by, which a hypothesis must take away to be named."""
 DOUBTS = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0)
 """Trusts of the model that a hypothesis must be likelier than: that it is wrong in something, and nobody says what."""
-LEAD, UNSURE, MOMENT = 2.0, 0.1, 1e-9
+SHIFT_LEAD, CHANGE_TOLERANCE, CHANGE_MOMENT = 2.0, 0.1, 1e-9
 """Seconds before the change with which a shift of a sensor is seen; by how much the change may be dated wrongly; what
 comes that near counts as of one time."""
 
@@ -74,8 +74,8 @@ class Question:
     """What `name_change` is asked, and whether a sensor has shifted: that leaves a model that is right again."""
 
     model: Model
-    before: Stretch
-    since: Stretch
+    before: ObservedWindow
+    since: ObservedWindow
     trust: float
     noise: Mapping[str, float]
     shifted: bool
@@ -86,7 +86,9 @@ class Question:
         return found or ([Named("sensor_offset", float("nan"), "", 0.0)] if self.shifted else [])
 
 
-def name_change(model: Model, before: Stretch, since: Stretch, trust: float, noise: Mapping[str, float]) -> list[Named]:
+def name_change(
+    model: Model, before: ObservedWindow, since: ObservedWindow, trust: float, noise: Mapping[str, float]
+) -> list[Named]:
     """Return what could have changed; nothing where the model is as good as it was, or where no hypothesis takes away
     most of what is unusual.
 
@@ -132,7 +134,7 @@ class _Score:
         return 0.5 * (self.squares - self.count * usual)
 
 
-NOWHERE = _Score(-np.inf, np.inf, 0)
+NO_SCORE = _Score(-np.inf, np.inf, 0)
 
 
 @dataclass(frozen=True)
@@ -140,8 +142,8 @@ class _Scores:
     """Data before and since a change, and how likely a machine makes them."""
 
     model: Model
-    before: Stretch
-    since: Stretch
+    before: ObservedWindow
+    since: ObservedWindow
     trust: float
     noise: Mapping[str, float]
 
@@ -151,7 +153,7 @@ class _Scores:
 
     # ---------------------------------------------------------------- likelihood
 
-    def _scored(self, data: Stretch, changed: Changed, first: float, apart: float = -np.inf) -> _Score:
+    def _scored(self, data: ObservedWindow, changed: Changed, first: float, apart: float = -np.inf) -> _Score:
         """Score data from ``first`` s on under a changed machine, whose sensors are shifted from ``apart`` s on."""
         shown = dict(data.measured)
         for name, offset in (changed.offsets or {}).items():
@@ -159,7 +161,7 @@ class _Scores:
         try:
             innovations = self._innovations(data.t, shown, changed.gain * data.u, changed.model)
         except SignlinError:
-            return NOWHERE
+            return NO_SCORE
         return _Score.of(innovations.part(innovations.t >= first))
 
     def _innovations(self, t: Array, shown: Mapping[str, Array], u: Array, model: Model) -> Innovations:
@@ -247,20 +249,20 @@ class _Scores:
     # ---------------------------------------------------------------- a shifted sensor
 
     @cached_property
-    def _moment(self) -> Stretch:
-        """The last `LEAD` s before the change, and what comes of the others' data before they are judged."""
+    def _moment(self) -> ObservedWindow:
+        """The last `SHIFT_LEAD` s before the change, and what comes of the others' data before they are judged."""
         at = self.since.t[0]
-        parts = (self.before, self.before.t >= at - LEAD), (self.since, self.since.t < at + SETTLING)
+        parts = (self.before, self.before.t >= at - SHIFT_LEAD), (self.since, self.since.t < at + SETTLING)
         shown = {n: np.concatenate([data.measured[n][near] for data, near in parts]) for n in self.since.measured}
         t, u = (np.concatenate([getattr(data, name)[near] for data, near in parts]) for name in ("t", "u"))
-        return Stretch(t, shown, u)
+        return ObservedWindow(t, shown, u)
 
     def _shift(self, h: Hypothesis) -> Named | None:
         """Name a shift: a step of one channel must explain the moment of the change, and leave the rest usual.
 
         Its gain is that of the moment and that on the data since then, on which the others are judged.
         """
-        first = self.since.t[0] - UNSURE
+        first = self.since.t[0] - CHANGE_TOLERANCE
         moment = self._scored(self._moment, Changed(self.model), first)
         if moment.excess(self.usual) <= GAIN:
             return None
@@ -289,10 +291,12 @@ class _Scores:
             found = self._innovations(data.t, data.measured, data.u, self.model)
         except SignlinError:
             return []
-        near = (np.abs(found.t - self.since.t[0]) <= UNSURE) & (found.channel == list(data.measured).index(channel))
+        near = (np.abs(found.t - self.since.t[0]) <= CHANGE_TOLERANCE) & (
+            found.channel == list(data.measured).index(channel)
+        )
         delay = self.model.sensors[channel].delay
         return [
-            (value, t + delay - MOMENT)
+            (value, t + delay - CHANGE_MOMENT)
             for value, t in zip(found.value[near].tolist(), found.t[near].tolist(), strict=True)
         ]
 
@@ -308,7 +312,7 @@ def main() -> None:
     sys.stdout.write(json.dumps(answers(question.answer())))
 
 
-__all__ = ["Changed", "Named", "Question", "Stretch", "answers", "main", "name_change"]
+__all__ = ["Changed", "Named", "ObservedWindow", "Question", "answers", "main", "name_change"]
 
 
 if __name__ == "__main__":

@@ -21,17 +21,17 @@ from signlin_ros.observe.steps import pushed_states, step_tape
 
 Array = NDArray[np.float64]
 
-TRUSTS = (0.003, 0.03, 0.3, 3.0)
+FILTER_TRUSTS = (0.003, 0.03, 0.3, 3.0)
 """Shares by which the model may be wrong: one filter for each."""
-LONGEST_STEP = 1.25e-3
+MAX_FILTER_STEP = 1.25e-3
 """Seconds that the filter carries a state in one step."""
 MOST_STEPS = 40
 """Steps between two samples at most: slow samples are followed in longer ones."""
-UNKNOWN = 1e3
+UNKNOWN_DEVIATION = 1e3
 """Standard deviation of a velocity or a current of which nothing is known yet, in its SI unit."""
 HARDLY_KNOWN = 1e-2
 """The same of a state that an effect has of its own."""
-WILDEST, LEARNT_OVER, TOO_LARGE = 400.0, 200.0, 3.0
+MAX_LEARNT_INNOVATION, LEARNT_OVER, TOO_LARGE = 400.0, 200.0, 3.0
 """A squared innovation counts so much at most; their mean is taken over so many samples; above this mean they are too
 large even for the filter that trusts the model least, and the noise is taken as so much larger."""
 
@@ -62,7 +62,7 @@ class _Events:
 
 
 @dataclass(frozen=True)
-class Estimate:
+class StateEstimate:
     """The state x (n,) at time t in s, and its standard deviations (n,)."""
 
     t: float
@@ -118,7 +118,7 @@ class KalmanObserver:
         model: Model,
         channels: Iterable[str],
         noise: Mapping[str, float] | None = None,
-        trusts: Iterable[float] = TRUSTS,
+        trusts: Iterable[float] = FILTER_TRUSTS,
         doubt: float = 0.0,
     ) -> None:
         self.model = model
@@ -147,7 +147,7 @@ class KalmanObserver:
         self._missed = np.zeros(len(self.channels), dtype=np.int64)
         self._queue: list[Event] = []
         self._last, self._started = -np.inf, False
-        self._step = LONGEST_STEP
+        self._step = MAX_FILTER_STEP
 
     def adopt(self, other: KalmanObserver) -> None:
         """Go on where the observer of another model has got to: the states of one name, the noise, what is queued."""
@@ -216,7 +216,7 @@ class KalmanObserver:
 
         Before a channel's noise was measured they tell nothing of it.
         """
-        squares = np.minimum(innovations.sizes**2, WILDEST)
+        squares = np.minimum(innovations.sizes**2, MAX_LEARNT_INNOVATION)
         for c in range(len(self.channels)):
             found = squares[innovations.channel == c]
             keep = np.exp(-found.size / LEARNT_OVER)
@@ -226,7 +226,7 @@ class KalmanObserver:
                 )
         self._factor = np.where(self._excess > TOO_LARGE, self._excess, 1.0)
 
-    def estimate(self, t: float | None = None) -> Estimate:
+    def estimate(self, t: float | None = None) -> StateEstimate:
         """Return the state at time t, the last sample's by default, after all that came until then."""
         self.work()
         if not self._started:
@@ -236,7 +236,7 @@ class KalmanObserver:
         arrays = _Events.of(events, max(self._inputs.size, 1))
         found = self._run_all(arrays, *(part.copy() for part in self._filters))[-1]
         x, variance = found[2:].reshape(2, -1)[:, : len(self.model.states)]
-        return Estimate(when, x.copy(), np.sqrt(np.maximum(variance, 0.0)))
+        return StateEstimate(when, x.copy(), np.sqrt(np.maximum(variance, 0.0)))
 
     def record(self, t: Array, measured: Mapping[str, Array], u: Array) -> tuple[Array, Innovations]:
         """Return the states (T, n) at the times t (T,) of a whole record, and how its samples differed from them."""
@@ -349,7 +349,7 @@ def _start(model: Model, measured: Mapping[str, float]) -> tuple[Array, Array]:
         if name in states:
             x[states.index(name)] = value
     own = [("." in name or name in model.plant.own_state_names.values()) for name in states]
-    spread = np.where(own, HARDLY_KNOWN, UNKNOWN) * [name not in measured for name in states]
+    spread = np.where(own, HARDLY_KNOWN, UNKNOWN_DEVIATION) * [name not in measured for name in states]
     if position in states and position not in measured:
         spread[states.index(position)] = 0.0  # where it began counts as known: nobody sees it
     return x, spread
@@ -366,4 +366,4 @@ def observed_states(model: Model, t: Array, measured: Mapping[str, Array], u: Ar
     return observer.record(t, measured, u)
 
 
-__all__ = ["Estimate", "Innovations", "KalmanObserver", "observed_states"]
+__all__ = ["Innovations", "KalmanObserver", "StateEstimate", "observed_states"]

@@ -35,22 +35,22 @@ from signlin_ros.recording.trace import Structure, Trace, trace
 Array = NDArray[np.float64]
 
 GAMMA = 1.0 - np.sqrt(0.5)
-PERSISTENCE = 0.3
+DISTURBANCE_TIME = 0.3
 """How long, in s, an error of the model lasts in the filter's picture of it."""
-MEMORY = 2.0
+SIZE_MEMORY = 2.0
 """How far back, in s, the usual size of what an equation holds is remembered."""
-SWEEPS = 2
+SWITCH_SWEEPS = 2
 """Over several switches, each given the others' signs."""
-SHORT = 1e-3
+ERRATIC_TIME = 1e-3
 """How long, in s, what is erratic in an equation lasts, beside the push: a stuck shaft's speed stays uncertain."""
-FLOOR = 1e-12
+MIN_INTENSITY = 1e-12
 """Least intensity of the noise in an equation, in the square of its state's SI unit a second."""
-TINY = 1e-30
+MIN_VARIANCE = 1e-30
 """Variances below this are none: their products would leave the range of numbers."""
-KNOWN = 0.95
+CERTAIN_SHARE = 0.95
 """Share of the level of breaking away that certainly holds, and for a guard of what a jump of an input does: both are
 known as well as base parameters are by default."""
-SUREST = 0.9999
+MAX_MEAN_SIGN = 0.9999
 """A mean sign beyond this counts as this: friction that is overcome holds next to nothing of the spread."""
 
 
@@ -63,7 +63,7 @@ class _Equations:
         rates = ca.SX(t.f)
         for k, i in enumerate(pushed):
             rates[i] += push[k]
-        self.x, self.f = ca.vertcat(t.x, push), ca.vertcat(rates, -push / PERSISTENCE)
+        self.x, self.f = ca.vertcat(t.x, push), ca.vertcat(rates, -push / DISTURBANCE_TIME)
         self.n = self.x.numel()
         self.switches = [s for s in t.surfaces if s.kind == "switch"]
         self.signs = [s.symbol for s in self.switches]
@@ -105,7 +105,7 @@ def _moved(e: _Equations, h: ca.SX) -> tuple[ca.SX, list[ca.SX]]:
     others = [e.flow(h, e.x, [-s if i == j else s for i, s in enumerate(before)]) for j in range(len(before))]
     per_sign = [(other - base) / (-2 * s) for other, s in zip(others, before, strict=True)]
     signs = list(before)
-    for _ in range(SWEEPS if len(before) > 1 else 1):
+    for _ in range(SWITCH_SWEEPS if len(before) > 1 else 1):
         for i, s0 in enumerate(before):
             held = [s0 if i == j else s for j, s in enumerate(signs)]
             signs[i] = _mean_sign(e, i, held, _combined(base, per_sign, before, held), per_sign[i])
@@ -167,15 +167,15 @@ def _step(structure: Structure) -> ca.Function:
     Z = h * _spread(e, signs, P)
     transition = ca.solve(ca.SX.eye(n) - Z + ca.mtimes(Z, Z) / 2, U)
     own = ca.fmax(0, -ca.diag(J))
-    intensity = 2 * PERSISTENCE / (1 + PERSISTENCE * own) * trust**2 * ca.fmax(size, usual) * disturbed
+    intensity = 2 * DISTURBANCE_TIME / (1 + DISTURBANCE_TIME * own) * trust**2 * ca.fmax(size, usual) * disturbed
     for k, i in enumerate(e.pushed):
-        intensity[t.x.numel() + k] = 2 / PERSISTENCE * trust**2 * ca.fmax(size, usual)[i]
-        intensity[i] = SHORT * trust**2 * ca.fmax(size, usual)[i] + FLOOR
+        intensity[t.x.numel() + k] = 2 / DISTURBANCE_TIME * trust**2 * ca.fmax(size, usual)[i]
+        intensity[i] = ERRATIC_TIME * trust**2 * ca.fmax(size, usual)[i] + MIN_INTENSITY
     noise = ca.fmax(h * intensity, _turned(e, by_sign, signs, P) - ca.mtimes(U**2, D)) + doubt**2 * _jumped(
         e, signs, last
     )
     U_end, D_end = _orthogonal(ca.horzcat(transition, ca.SX.eye(n)), ca.vertcat(D, noise))
-    remembered = usual + ca.fmin(1, h / MEMORY) * (size - usual)
+    remembered = usual + ca.fmin(1, h / SIZE_MEMORY) * (size - usual)
     flat = ca.densify(ca.cse(ca.vertcat(end, ca.vec(U_end.T), D_end, remembered)))
     # row-major U: the symbol is its transpose
     by_rows = ca.SX.sym("U_rows", n, n)
@@ -192,15 +192,15 @@ def _turned(e: _Equations, by_sign: ca.SX, signs: list[ca.SX], P: ca.SX) -> ca.S
     unsure = ca.vertcat(*(_unsure(e, i, signs, P) for i in range(len(signs)))) if signs else ca.SX(0, 1)
     for k, i in enumerate(e.pushed):
         levels = by_sign[i, :].T if signs else ca.SX(0, 1)
-        least[e.t.x.numel() + k] = (2 * (1 - KNOWN)) ** 2 * ca.sum1(levels**2 * unsure)
+        least[e.t.x.numel() + k] = (2 * (1 - CERTAIN_SHARE)) ** 2 * ca.sum1(levels**2 * unsure)
     return least
 
 
 def _unsure(e: _Equations, i: int, signs: list[ca.SX], P: ca.SX) -> ca.SX:
     """Return the variance of a switch's sign: 1 where it sticks, and what its Gaussian over both sides leaves else."""
     g, G = e.surface(i, e.x, signs), e.at(ca.jacobian(e.switches[i].g, e.x), e.x, signs)
-    z = g / ca.sqrt(2 * ca.fmax(ca.mtimes([G, P, G.T]), TINY))
-    return ca.fmax(ca.fabs(signs[i]) < SUREST, 1 - _erf(z) ** 2)
+    z = g / ca.sqrt(2 * ca.fmax(ca.mtimes([G, P, G.T]), MIN_VARIANCE))
+    return ca.fmax(ca.fabs(signs[i]) < MAX_MEAN_SIGN, 1 - _erf(z) ** 2)
 
 
 def _jumped(e: _Equations, signs: list[ca.SX], last: ca.SX) -> ca.SX:
@@ -226,7 +226,7 @@ def _orthogonal(W: ca.SX, weights: ca.SX) -> tuple[ca.SX, ca.SX]:
         weighted = rows[j] * weights
         D[j] = ca.dot(rows[j], weighted)
         for i in range(j):
-            U[i, j] = ca.if_else(D[j] > TINY, ca.dot(rows[i], weighted) / ca.fmax(D[j], TINY), 0)
+            U[i, j] = ca.if_else(D[j] > MIN_VARIANCE, ca.dot(rows[i], weighted) / ca.fmax(D[j], MIN_VARIANCE), 0)
             rows[i] = rows[i] - U[i, j] * rows[j]
     return U, D
 
@@ -246,10 +246,10 @@ def _spread(e: _Equations, signs: list[ca.SX], P: ca.SX) -> ca.SX:
         g = ca.substitute([surface.g], before, known)[0] if known else surface.g
         G = ca.jacobian(surface.g, e.x)
         G = ca.substitute([G], before, known)[0] if known else G
-        z = g / ca.sqrt(2 * ca.fmax(ca.mtimes([G, P, G.T]), TINY))
+        z = g / ca.sqrt(2 * ca.fmax(ca.mtimes([G, P, G.T]), MIN_VARIANCE))
         known.append(values[surface.name] if surface.kind == "switch" else _erf(z))
         if surface.kind == "switch":
-            lean = ca.fmin(ca.fabs(values[surface.name]) / KNOWN, SUREST)
+            lean = ca.fmin(ca.fabs(values[surface.name]) / CERTAIN_SHARE, MAX_MEAN_SIGN)
             z = ca.fmax(ca.fabs(z), _inverse_erf(lean))
         slopes.append(_bell(z, G, P))
     J = e.slopes
@@ -261,7 +261,7 @@ def _spread(e: _Equations, signs: list[ca.SX], P: ca.SX) -> ca.SX:
 
 def _bell(z: ca.SX, G: ca.SX, P: ca.SX) -> ca.SX:
     """Return the row (1, N) of slopes of the mean sign of a surface with gradient G: 2 phi(g/sigma)/sigma G."""
-    bell: ca.SX = np.sqrt(2 / np.pi) * ca.exp(-(z**2)) / ca.sqrt(ca.fmax(ca.mtimes([G, P, G.T]), TINY)) * G
+    bell: ca.SX = np.sqrt(2 / np.pi) * ca.exp(-(z**2)) / ca.sqrt(ca.fmax(ca.mtimes([G, P, G.T]), MIN_VARIANCE)) * G
     return bell
 
 
@@ -301,4 +301,4 @@ def step_tape(structure: Structure) -> Tape:
     return Tape.of(_step(structure))
 
 
-__all__ = ["KNOWN", "MEMORY", "PERSISTENCE", "step_tape"]
+__all__ = ["CERTAIN_SHARE", "DISTURBANCE_TIME", "SIZE_MEMORY", "step_tape"]

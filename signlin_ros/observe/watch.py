@@ -14,26 +14,26 @@ from numpy.typing import ArrayLike, NDArray
 from signlin_ros.model import Model
 from signlin_ros.observe.detect import Alarm, ChangeDetector
 from signlin_ros.observe.observer import Innovations, KalmanObserver
-from signlin_ros.observe.steps import KNOWN
+from signlin_ros.observe.steps import CERTAIN_SHARE
 
 Array = NDArray[np.float64]
 
 GUARDS = (0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
 """Shares by which the model may be wrong, of which the likeliest is kept."""
-DOUBT = 1 - KNOWN
+JUMP_DOUBT = 1 - CERTAIN_SHARE
 """Share of what a jump of an input does that a guard does not know."""
-SETTLING = 1.0
+START_TIME = 1.0
 """Seconds at the start that tell nothing of the model."""
-WILDEST = 400.0
+MAX_GUARD_INNOVATION = 400.0
 """A squared innovation counts so much at most."""
-SHIFT, TOGGLED, FORM, FEWEST_FORMS = 5.0, 60, 6, 8
+SHIFT, TOGGLED, FORM_SAMPLES, FEWEST_FORMS = 5.0, 60, 6, 8
 """What a shift does is tried with one of so many standard deviations of the noise, to and fro every so many samples;
 so many innovations are looked at, and so many shifts are needed."""
-AFTER = 0.4
+REVERSAL_TIME = 0.4
 """How long, in s, a reversal is near."""
-SLOW = 0.02
+STANDING_SHARE = 0.02
 """Share of the largest speed seen, below which a machine counts as standing or turning."""
-MOVING, TURNED, SLOWED = 0, 1, 2
+IN_MOTION, AFTER_REVERSAL, SLOWED = 0, 1, 2
 """Situations: in motion; just after a reversal; slower than that."""
 
 
@@ -46,7 +46,9 @@ class Watch:
     def __init__(self, model: Model, channels: Iterable[str], learn: float = 30.0) -> None:
         self.model, self.channels, self._learn = model, tuple(channels), learn
         self.detector = ChangeDetector(learn)
-        self._guards = {trust: KalmanObserver(model, self.channels, trusts=(trust,), doubt=DOUBT) for trust in GUARDS}
+        self._guards = {
+            trust: KalmanObserver(model, self.channels, trusts=(trust,), doubt=JUMP_DOUBT) for trust in GUARDS
+        }
         self._likelihood = dict.fromkeys(GUARDS, 0.0)
         self._heard: list[tuple[float, Array | Mapping[str, float]]] = []
         self._begun, self._fastest, self._slow_at = np.nan, 0.0, -np.inf
@@ -97,9 +99,11 @@ class Watch:
         return found[best], None
 
     def _compare(self, trust: float, innovations: Innovations) -> None:
-        late = innovations.part(innovations.t >= self._begun + SETTLING)
+        late = innovations.part(innovations.t >= self._begun + START_TIME)
         z, variance = late.sizes, late.variance
-        self._likelihood[trust] -= 0.5 * float(np.sum(np.log(variance + 1e-300) + np.minimum(z**2, WILDEST)))
+        self._likelihood[trust] -= 0.5 * float(
+            np.sum(np.log(variance + 1e-300) + np.minimum(z**2, MAX_GUARD_INNOVATION))
+        )
 
     def _decide(self, trust: float) -> None:
         """Keep one guard, whose noise is the usual one from now on; what it sees of what was heard is what is usual."""
@@ -107,7 +111,7 @@ class Watch:
         guard, usual = self._repeated(trust, noise, None)
         self.detector = ChangeDetector(self._learn, signatures=self._signatures(trust, noise, usual))
         self._guards, self._heard = {trust: guard}, []
-        self._guard(usual.part(usual.t >= self._begun + SETTLING))
+        self._guard(usual.part(usual.t >= self._begun + START_TIME))
 
     def _signatures(self, trust: float, noise: Mapping[str, float], plain: Innovations) -> dict[int, Array]:
         """Return what a shift of each channel adds to its innovations, by what was heard up to now, shifted."""
@@ -122,7 +126,7 @@ class Watch:
         self, trust: float, noise: Mapping[str, float], shifted: str | None
     ) -> tuple[KalmanObserver, Innovations]:
         """Return who heard all again and its innovations, one channel shifted to and fro every `TOGGLED` samples."""
-        observer, count = KalmanObserver(self.model, self.channels, noise, (trust,), DOUBT), 0
+        observer, count = KalmanObserver(self.model, self.channels, noise, (trust,), JUMP_DOUBT), 0
         observer.hold_noise()
         for t, what in self._heard:
             if not isinstance(what, Mapping):
@@ -144,26 +148,27 @@ class Watch:
         """Return the situation (E,) at each of the states x (E, n)."""
         velocity = self.model.plant.velocity
         if velocity not in self.model.states or not t.size:
-            return np.full(t.size, MOVING, dtype=np.int64)
+            return np.full(t.size, IN_MOTION, dtype=np.int64)
         speed = np.abs(x[:, self.model.states.index(velocity)])
         fastest = np.maximum(np.maximum.accumulate(speed), self._fastest)
-        slow = speed <= SLOW * fastest
+        slow = speed <= STANDING_SHARE * fastest
         last = np.maximum(np.maximum.accumulate(np.where(slow, t, -np.inf)), self._slow_at)
         self._fastest, self._slow_at = float(fastest[-1]), float(last[-1])
-        return np.where(slow, SLOWED, np.where(t - last < AFTER, TURNED, MOVING)).astype(np.int64)
+        return np.where(slow, SLOWED, np.where(t - last < REVERSAL_TIME, AFTER_REVERSAL, IN_MOTION)).astype(np.int64)
 
 
 def _form(plain: Innovations, shifted: Innovations, channel: int, size: float) -> Array | None:
-    """Return the median over all shifts of what they add to a channel's innovations (`FORM`,); None if there is none.
+    """Return the median over all shifts of what they add to a channel's innovations (`FORM_SAMPLES`,); None if there
+    is none.
 
     That is, in standard deviations, of a shift of the given size.
     """
     added = (shifted.sizes - plain.sizes)[plain.channel == channel]
-    starts = np.arange(TOGGLED, added.size - FORM, TOGGLED)
+    starts = np.arange(TOGGLED, added.size - FORM_SAMPLES, TOGGLED)
     if size <= 0.0 or starts.size < FEWEST_FORMS:
         return None
     to_and_fro = np.where((starts // TOGGLED) % 2 == 1, 1.0, -1.0)
-    form = np.median([side * added[k : k + FORM] for k, side in zip(starts, to_and_fro, strict=True)], axis=0)
+    form = np.median([side * added[k : k + FORM_SAMPLES] for k, side in zip(starts, to_and_fro, strict=True)], axis=0)
     return form if np.linalg.norm(form) > 0.0 else None
 
 

@@ -13,7 +13,7 @@ from signlin_ros.plants.base import Acting, Plant
 from signlin_ros.robots import Robot
 
 Array = NDArray[np.float64]
-MOTOR_INERTIA, GAIN = "motor_inertia", "gain"
+MOTOR_INERTIA, GAIN_PARAMETER = "motor_inertia", "gain"
 """Parameters of every joint: inertia of its motor seen from the joint; force or torque per unit of its input."""
 
 
@@ -50,7 +50,7 @@ class ArmPlant(Plant):
             gain = Par(
                 f"{joint.effort_unit} per input", nominal=1.0, low=-1e9, default=1.0, doc="per unit of the input"
             )
-            found |= {f"{joint.name}.{MOTOR_INERTIA}": inertia, f"{joint.name}.{GAIN}": gain}
+            found |= {f"{joint.name}.{MOTOR_INERTIA}": inertia, f"{joint.name}.{GAIN_PARAMETER}": gain}
         return found
 
     @classmethod
@@ -101,4 +101,4 @@ def arm_plant(
     return type("ArmPlant", (ArmPlant,), own | more)
 
 
-__all__ = ["GAIN", "MOTOR_INERTIA", "ArmPlant", "arm_plant", "parted", "places"]
+__all__ = ["GAIN_PARAMETER", "MOTOR_INERTIA", "ArmPlant", "arm_plant", "parted", "places"]

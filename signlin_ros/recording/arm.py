@@ -16,17 +16,17 @@ from numpy.typing import NDArray
 from signlin_ros.errors import ModelError
 from signlin_ros.mathops import Recorder, Surface
 from signlin_ros.par import Namespace, as_law_sees
-from signlin_ros.plants.arm import GAIN, MOTOR_INERTIA, ArmPlant, parted
+from signlin_ros.plants.arm import GAIN_PARAMETER, MOTOR_INERTIA, ArmPlant, parted
 from signlin_ros.recording.asking import asked
 from signlin_ros.recording.trace import EffectSlot, Structure, Trace, resolve_unit
 from signlin_ros.robots.recorded import Factors, Recorded
 
-FASTEST, STRONGEST = np.pi, 100.0
+MAX_UNNAMED_SPEED, STRONGEST = np.pi, 100.0
 """Largest speed (rad/s, m/s) and effort of a joint whose URDF names none."""
 
 
 @dataclass(frozen=True)
-class Parts:
+class ArmParts:
     """The equations of an arm before they are put together; effects act in coordinates P (K, n) times the joints'.
 
     ``M`` (n, n) with the motors' inertias, ``bias`` (n); ``needed`` (n) is M a + bias at the symbols ``a``. Effects
@@ -122,7 +122,7 @@ class ArmTracer:
         joint = self.robot.joints[self._joint(slot)]
         limits = dict(joint.limits)
         of = {
-            f"{joint.name}.velocity": (motor.velocity, limits.get("velocity") or FASTEST),
+            f"{joint.name}.velocity": (motor.velocity, limits.get("velocity") or MAX_UNNAMED_SPEED),
             f"{joint.name}.load": (motor.external_force, limits.get("effort") or STRONGEST),
             f"{joint.name}.drive": (motor.drive_force, limits.get("effort") or STRONGEST),
         }
@@ -153,7 +153,7 @@ class ArmTracer:
         acting = np.where(np.array(self.plant.at_motor)[None, :], self.plant.motors.T, np.eye(n))
         into = ca.sparsify(ca.DM(np.linalg.inv(self.plant.motors.T))) if self.parted else ca.DM.eye(n)
         loads = ca.vertcat(-(into @ body.bias), *(-body.bias[i] for i in self.parted))
-        parts = Parts(
+        parts = ArmParts(
             M=body.M + motor,
             bias=body.bias,
             a=a,
@@ -181,9 +181,9 @@ class ArmTracer:
             found[i] = asked(effect, "input", self.plant, self.m, found[i], p)
             if not ca.SX(asked(effect, "delay", self.plant, p)).is_zero():
                 raise ModelError(f"{slot.key}: an arm has no delays")
-        return self._of_joints(GAIN) * ca.vertcat(*found)
+        return self._of_joints(GAIN_PARAMETER) * ca.vertcat(*found)
 
-    def _trace(self, parts: Parts, factors: Factors, q: ca.SX, v: ca.SX) -> Trace:
+    def _trace(self, parts: ArmParts, factors: Factors, q: ca.SX, v: ca.SX) -> Trace:
         names, P = tuple(self.symbols), ca.sparsify(ca.SX(parts.P))
 
         def whole(e: Any) -> ca.SX:
@@ -208,7 +208,7 @@ class ArmTracer:
         )
 
 
-def placed(parts: Parts, e: ca.SX, q: ca.SX, v: ca.SX) -> ca.SX:
+def placed(parts: ArmParts, e: ca.SX, q: ca.SX, v: ca.SX) -> ca.SX:
     """Return an expression in the coordinates of the motors in those of the joints."""
     P = ca.sparsify(ca.SX(parts.P))
     return ca.substitute(
@@ -218,4 +218,4 @@ def placed(parts: Parts, e: ca.SX, q: ca.SX, v: ca.SX) -> ca.SX:
     )
 
 
-__all__ = ["ArmTracer", "Parts", "placed"]
+__all__ = ["ArmParts", "ArmTracer", "placed"]

@@ -10,16 +10,16 @@ from dataclasses import replace
 
 import casadi as ca
 
-from signlin_ros.recording.arm import Parts, placed
+from signlin_ros.recording.arm import ArmParts, placed
 from signlin_ros.recording.smooth import SmoothForm
 from signlin_ros.recording.trace import Trace
 from signlin_ros.robots.recorded import Factors
 
-SLOW = 1e-9
+SECANT_MIN_SPEED = 1e-9
 """Velocity (rad/s, m/s) below which the secant through standstill is the slope."""
 
 
-def arm_terms(form: SmoothForm, parts: Parts, secant: bool) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+def arm_terms(form: SmoothForm, parts: ArmParts, secant: bool) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
     """Return A, B, c and F_j of an arm at (x, u) as expressions; A x + B u + c = F_j.
 
     ``secant``: the force of each joint enters with its secant from standstill to its motor's velocity,
@@ -54,7 +54,7 @@ def arm_terms(form: SmoothForm, parts: Parts, secant: bool) -> tuple[ca.SX, ca.S
 class _Held:
     """Smooth forces of all joints in the coordinates of their motors, loads held."""
 
-    def __init__(self, t: Trace, parts: Parts, form: SmoothForm) -> None:
+    def __init__(self, t: Trace, parts: ArmParts, form: SmoothForm) -> None:
         n = parts.M.shape[0]
         self.q, self.v = t.x[:n], t.x[n : 2 * n]
         self.parts = parts
@@ -82,7 +82,7 @@ class _Held:
         speed, found = self.parts.speed, []
         for i in range(speed.numel()):
             force, w = self.parts.forces[i], speed[i]
-            moving = ca.fabs(w) > SLOW
+            moving = ca.fabs(w) > SECANT_MIN_SPEED
             rise = self.form.smooth(force) - self._at_rest(force, w)
             slope = self.form.jacobian(force, w)
             found.append(ca.if_else(moving, rise / ca.if_else(moving, w, 1), slope))

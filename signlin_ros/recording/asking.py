@@ -10,7 +10,7 @@ import casadi as ca
 
 from signlin_ros.effects import Effect, origin
 from signlin_ros.errors import EffectError, InputError, ModelError, choices, suggest
-from signlin_ros.mathops import WORDS, Math
+from signlin_ros.mathops import VOCABULARY, Math
 from signlin_ros.par import Namespace
 from signlin_ros.plants import PLANTS, Plant
 
@@ -47,7 +47,7 @@ def _absent(where: str, arguments: Sequence[Any], error: AttributeError) -> Effe
     """Return the error for a misspelt word of the vocabulary, parameter or coordinate; None for one of other plants."""
     name, owner = str(error.name or error), error.obj
     if isinstance(owner, Math):
-        return EffectError(_unknown(where, f"m.{name}", WORDS, name))
+        return EffectError(_unknown(where, f"m.{name}", VOCABULARY, name))
     if isinstance(owner, Namespace):
         kind = "x.own" if any(getattr(a, "own", None) is owner for a in arguments) else "p"
         return EffectError(_unknown(where, f"{kind}.{name}", vars(owner), name))
@@ -69,7 +69,7 @@ def _said(error: Exception) -> str:
     return f"{type(error).__name__}: {text[:200]}"
 
 
-_INSTEAD = f"write the law with {', '.join(f'm.{word}' for word in WORDS)}"
+_INSTEAD = f"write the law with {', '.join(f'm.{word}' for word in VOCABULARY)}"
 
 
 def _check(where: str, found: Any) -> None:

@@ -17,12 +17,12 @@ from signlin_ros.effects import Effect
 from signlin_ros.engine.symbolic import symbolic
 from signlin_ros.errors import ModelError
 from signlin_ros.mathops import Recorder, Surface
-from signlin_ros.par import POWERS, Namespace, as_law_sees
+from signlin_ros.par import POWER_DIGITS, Namespace, as_law_sees
 from signlin_ros.plants import Plant
 from signlin_ros.recording.asking import asked
 
 if TYPE_CHECKING:
-    from signlin_ros.recording.arm import Parts
+    from signlin_ros.recording.arm import ArmParts
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class Trace:
     y: ca.SX
     delay: ca.SX
     surfaces: tuple[Surface, ...]
-    parts: Parts | None = None
+    parts: ArmParts | None = None
 
 
 class _Coordinates:
@@ -92,7 +92,7 @@ class _Coordinates:
 
 TEMPERATURE = "temperature"
 """Input that is the temperature in K of the drive, as it is recorded."""
-ROTARY = {"N": "N·m", "m": "rad", "m/s": "rad/s", "kg": "kg·m²", "N·s/m": "N·m·s/rad", "N/m": "N·m/rad"}
+ROTARY_UNITS = {"N": "N·m", "m": "rad", "m/s": "rad/s", "kg": "kg·m²", "N·s/m": "N·m·s/rad", "N/m": "N·m/rad"}
 """Units of forces and displacements, and those of torques and angles in their place."""
 
 INERTIA = {"N·s²/m": "kg", "N·m·s²/rad": "kg·m²"}
@@ -101,10 +101,10 @@ INERTIA = {"N·s²/m": "kg", "N·m·s²/rad": "kg·m²"}
 
 def rotary_unit(unit: str) -> str:
     """Return a unit made of N, m, s and kg as its rotary one, e.g. ``N·s²/m²`` as ``N·m·s²/rad²``; others unchanged."""
-    bare = "".join(letter for letter in unit if letter not in POWERS)
-    if unit in ROTARY or "N·m" in unit or not set(re.split("[·/]", bare)) <= {"N", "m", "s", "1"}:
-        return ROTARY.get(unit, unit)
-    return "".join(ROTARY.get(letter, letter) for letter in unit)
+    bare = "".join(letter for letter in unit if letter not in POWER_DIGITS)
+    if unit in ROTARY_UNITS or "N·m" in unit or not set(re.split("[·/]", bare)) <= {"N", "m", "s", "1"}:
+        return ROTARY_UNITS.get(unit, unit)
+    return "".join(ROTARY_UNITS.get(letter, letter) for letter in unit)
 
 
 def resolve_unit(unit: str, plant: type[Plant], rotary: bool = False) -> str:
@@ -114,9 +114,9 @@ def resolve_unit(unit: str, plant: type[Plant], rotary: bool = False) -> str:
     """
     names = {"F": plant.force_unit, "Q": plant.position_unit, "U": plant.input_unit}
     if rotary:
-        names = {letter: ROTARY.get(name, name) for letter, name in names.items()}
+        names = {letter: ROTARY_UNITS.get(name, name) for letter, name in names.items()}
         unit = rotary_unit(unit)
-    parts = (part.rstrip(POWERS) for part in re.split("[·/]", unit))
+    parts = (part.rstrip(POWER_DIGITS) for part in re.split("[·/]", unit))
     resolved = "".join(names.get(letter, letter) for letter in unit) if {"F", "Q", "U"} & {*parts} else unit
     return INERTIA.get(resolved, resolved)
 

@@ -13,10 +13,10 @@ from signlin_ros.records.files import read_for_model, read_record, read_records,
 from signlin_ros.records.mapping import ModelData
 from signlin_ros.records.notes import Note
 from signlin_ros.records.table import Record, Rows, Series, Signal
-from signlin_ros.records.write import SUFFIXES, write_record
+from signlin_ros.records.write import RECORD_SUFFIXES, write_record
 
 __all__ = [
-    "SUFFIXES",
+    "RECORD_SUFFIXES",
     "ModelData",
     "Note",
     "Record",

@@ -21,7 +21,7 @@ from signlin_ros.records.table import Series, Signal, at
 
 Array = npt.NDArray[np.float64]
 
-HOLE = 3.0
+MAX_INTERPOLATED_STEPS = 3.0
 """No interpolation across a hole of more than this many median steps: the samples in it are missing (NaN)."""
 _COMMAND = re.compile(r"/(?:\w*_)?(?:input|cmd|command)s?(?:_\w*)?\.")
 
@@ -80,7 +80,7 @@ def align(series: Mapping[str, Series], held: Collection[str], base: str | None 
     return Aligned(t, signals, acts, notes)
 
 
-SAME = 5e-4
+SAME_STAMP_SHARE = 5e-4
 """Stamps that differ by less than this share of a step are taken for the same."""
 
 
@@ -103,7 +103,7 @@ def acting(commands: Mapping[str, Series], t: Array) -> tuple[Array | None, dict
     acts = t.copy()
     alone = within & (count[near.clip(0, t.size - 1)] == 1)
     acts[near[alone]] = switches[alone]
-    same = np.abs(acts - t) <= SAME * float(np.median(steps))
+    same = np.abs(acts - t) <= SAME_STAMP_SHARE * float(np.median(steps))
     if not same[0]:
         acts[0] = min(acts[0], t[0])  # nothing else can hold what is in force until the first row acts
     ends = np.append(acts[1:], max(t[-1], acts[-1]))
@@ -111,7 +111,7 @@ def acting(commands: Mapping[str, Series], t: Array) -> tuple[Array | None, dict
     rows = {}
     for name, one in commands.items():
         values = hold(one, acts)
-        if one.t[0] > t[0] + SAME * float(np.median(steps)):
+        if one.t[0] > t[0] + SAME_STAMP_SHARE * float(np.median(steps)):
             values[0] = np.nan
         several = (inside > 0) & np.isfinite(values)
         rows[name] = np.where(several, _mean(one, acts, ends), values) if several.any() else values
@@ -147,8 +147,8 @@ def hold(series: Series, t: Array) -> Array:
 
 
 def interpolate(series: Series, t: Array) -> Array:
-    """Linear interpolation at the times t (T,); NaN outside the series, and inside a hole of more than `HOLE`
-    steps.
+    """Linear interpolation at the times t (T,); NaN outside the series, and inside a hole of more than
+    `MAX_INTERPOLATED_STEPS` steps.
     """
     there = np.isfinite(series.values)
     knots, values = series.t[there], series.values[there]
@@ -157,7 +157,7 @@ def interpolate(series: Series, t: Array) -> Array:
     result = np.interp(t, knots, values, left=np.nan, right=np.nan)
     after = np.searchsorted(knots, t, side="left").clip(1, max(knots.size - 1, 1))
     if knots.size > 1:
-        wide = knots[after] - knots[after - 1] > HOLE * series.step
+        wide = knots[after] - knots[after - 1] > MAX_INTERPOLATED_STEPS * series.step
         inside = (t > knots[after - 1]) & (t < knots[after])
         result[wide & inside] = np.nan
     return result

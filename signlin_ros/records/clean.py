@@ -37,9 +37,9 @@ Array = npt.NDArray[np.float64]
 
 GAP = 1.5
 """A step longer than this many median steps is a gap: rows are missing."""
-UNEVEN = 0.01
+MIN_NOTED_DEVIATION = 0.01
 """Steps that differ by more than this share of the median step are worth a note."""
-HOLE = 5.0
+MIN_HOLE_STEPS = 5.0
 """A step of more than this many median steps: what drove the model in it is not known. What comes after it is taken by
 itself, from a start of its own."""
 MANY_GAPS = 0.05
@@ -51,7 +51,7 @@ Keep = Callable[[Heading, Sequence[Heading]], "bool | None"]
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class RawTable:
     """Columns as read: a heading and (R,) values each, and where the rows stood.
 
     ``named``: whether the file names them; ``runs``: rows before which its header returned; ``exact``: columns of whole
@@ -70,7 +70,7 @@ class Table:
     step: tuple[str, float] | None = None
     fields: Mapping[str, float] = field(default_factory=dict)
 
-    def take(self, index: npt.NDArray[np.intp] | npt.NDArray[np.bool_], *notes: Note) -> Table:
+    def take(self, index: npt.NDArray[np.intp] | npt.NDArray[np.bool_], *notes: Note) -> RawTable:
         """The rows at `index`, an index array or a mask, with further notes."""
         columns = [column[index] for column in self.columns]
         return replace(self, columns=columns, rows=self.rows.take(index), notes=(*self.notes, *notes))
@@ -94,7 +94,7 @@ def keeper(signals: Mapping[str, str] | None, wanted: Iterable[str] | None) -> K
     return keep
 
 
-def records_of(table: Table, signals: Mapping[str, str] | None, keep: Keep) -> list[Record]:
+def records_of(table: RawTable, signals: Mapping[str, str] | None, keep: Keep) -> list[Record]:
     """The runs in a table, each a record; `signals` gives columns new names, and under the key ``t`` says what the time
     is.
 
@@ -119,7 +119,7 @@ def records_of(table: Table, signals: Mapping[str, str] | None, keep: Keep) -> l
     return found
 
 
-def _record(table: Table, times: Times, t: Array, keep: Keep) -> Record:
+def _record(table: RawTable, times: Times, t: Array, keep: Keep) -> Record:
     """One run as a record; its t (R,) does not decrease."""
     table, t = _without_repeats(table, t)
     table = _finite(table, keep)
@@ -133,7 +133,7 @@ def _record(table: Table, times: Times, t: Array, keep: Keep) -> Record:
     return sparse(Record(t, signals, table.source, notes, table.rows, clocks=clocks, fields=table.fields))
 
 
-def _check_stamps(table: Table, times: Times) -> None:
+def _check_stamps(table: RawTable, times: Times) -> None:
     bad = np.flatnonzero(~np.isfinite(times.t))
     if bad.size:
         where, shown = table.rows.name(bad[0]), _shown(times.t[bad[0]])
@@ -161,7 +161,7 @@ def renamed(record: Record, signals: Mapping[str, str]) -> Record:
 def gaps(t: Array) -> list[int]:
     """Return the samples of t (T,) at which stretches without a gap begin, and T."""
     steps = np.diff(t)
-    long = np.flatnonzero(steps > HOLE * np.median(steps)) + 1
+    long = np.flatnonzero(steps > MIN_HOLE_STEPS * np.median(steps)) + 1
     return [0, *(long.tolist() if long.size <= max(1.0, MANY_GAPS * steps.size) else []), t.size]
 
 
@@ -181,16 +181,16 @@ def spacing(t: Array, where: Callable[[int], str]) -> list[Note]:
             f"the first after {where(int(long[0]))}, {longest}"
         )
         anew = len(gaps(t)) - 2
-        many = f"; what follows {anew} of them, over {HOLE:g} times it, starts anew" if anew else ""
+        many = f"; what follows {anew} of them, over {MIN_HOLE_STEPS:g} times it, starts anew" if anew else ""
         notes.append(Note(f"{said}{many}", "gap", "t"))
     regular = np.delete(steps, long)
-    if np.ptp(regular) > UNEVEN * median:
+    if np.ptp(regular) > MIN_NOTED_DEVIATION * median:
         said = f"unevenly sampled: steps of {regular.min():.4g} to {regular.max():.4g} s, median {median:.4g} s"
         notes.append(Note(said, "uneven", "t"))
     return notes
 
 
-def _named_apart(table: Table) -> Table:
+def _named_apart(table: RawTable) -> RawTable:
     """The table with a name for every column: of two that are the same one is left out, others get their number."""
     first: dict[str, int] = {}
     kept, headings, notes = [], [], []
@@ -216,7 +216,7 @@ def _named_apart(table: Table) -> Table:
     return replace(table, headings=headings, columns=[table.columns[i] for i in kept], notes=(*table.notes, *notes))
 
 
-def _without_repeats(table: Table, t: Array) -> tuple[Table, Array]:
+def _without_repeats(table: RawTable, t: Array) -> tuple[RawTable, Array]:
     again = np.flatnonzero(np.diff(t) == 0) + 1
     if not again.size:
         return table, t
@@ -237,7 +237,7 @@ def _without_repeats(table: Table, t: Array) -> tuple[Table, Array]:
     return table.take(keep, Note(said, "repeated")), t[keep]
 
 
-def _finite(table: Table, keep: Keep) -> Table:
+def _finite(table: RawTable, keep: Keep) -> RawTable:
     """The table without infinite columns that nobody asked for; refuses infinite values in the others."""
     infinite = [i for i, column in enumerate(table.columns) if np.isinf(column).any()]
     for i in infinite:
@@ -253,7 +253,7 @@ def _finite(table: Table, keep: Keep) -> Table:
     return replace(table, headings=headings, columns=columns, notes=(*table.notes, *notes))
 
 
-def _signals(table: Table) -> dict[str, Signal]:
+def _signals(table: RawTable) -> dict[str, Signal]:
     """Signals keyed by their bare names, or by the whole labels where several share a name or where what ends the name
     may be a unit or none.
     """

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
-LARGEST = 1e15
+MAX_SI_VALUE = 1e15
 """Larger values, in SI units, are no measurements; squares of sums of them would overflow."""
 SMALLEST = 1e-30
 """Smaller values are none either: no sensor resolves them, and their squares underflow."""
@@ -113,10 +113,10 @@ def _quoted(label: str) -> str:
 
 def _check_size(record: Record, name: str, signal: Signal, values: Array) -> None:
     """Refuse what no sensor says."""
-    large = np.flatnonzero(np.abs(values) > LARGEST)
+    large = np.flatnonzero(np.abs(values) > MAX_SI_VALUE)
     if large.size:
         where = f"{record.source}: {record.where(int(large[0]))}, column {signal.label or name!r}"
-        allowed = f"up to {LARGEST:g} in size; leave the cell empty where a sample is missing"
+        allowed = f"up to {MAX_SI_VALUE:g} in size; leave the cell empty where a sample is missing"
         raise RecordError(f"{where}: {signal.values[large[0]]:g} is no measurement; allowed: {allowed}")
 
 

@@ -20,7 +20,7 @@ from signlin_ros.records.table import Record
 if TYPE_CHECKING:
     from signlin_ros.model import Model
 
-SHORTEST = 20
+MIN_RUN_ROWS = 20
 """Runs of fewer rows are left out beside longer ones."""
 
 
@@ -110,7 +110,7 @@ def read_runs(
 
     The mappings of the model and of `signals` (which wins; ``FILE:NAME`` says it of one file, see
     `signlin_ros.apart`) are known while reading, so that any numeric field of a bag can be mapped, and columns
-    that the model does not use do no harm. Runs of fewer than `SHORTEST` rows are
+    that the model does not use do no harm. Runs of fewer than `MIN_RUN_ROWS` rows are
     left out beside longer ones.
     """
     signals = of_record(signals, path)
@@ -152,11 +152,11 @@ def _longest(records: list[Record], source: str) -> Record:
 
 
 def _without_short(records: list[Record]) -> list[Record]:
-    kept = [record for record in records if len(record) >= SHORTEST]
-    lost = [record for record in records if len(record) < SHORTEST]
+    kept = [record for record in records if len(record) >= MIN_RUN_ROWS]
+    lost = [record for record in records if len(record) < MIN_RUN_ROWS]
     if not kept or not lost:
         return records
-    said = f"{len(lost)} of {len(records)} runs have fewer than {SHORTEST} rows and are left out"
+    said = f"{len(lost)} of {len(records)} runs have fewer than {MIN_RUN_ROWS} rows and are left out"
     return [replace(kept[0], notes=(*kept[0].notes, Note(said, "left_out"))), *kept[1:]]
 
 

@@ -30,11 +30,11 @@ Array = npt.NDArray[np.float64]
 _NUMBER = re.compile(r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.])")
 _WORD = re.compile(r"/?[^\W\d][\w./]*(?:\[[\w/]+\][\w.]*)*|\d+[A-Za-z_]\w*|#\d+")
 _UNIT = re.compile(r"\s*\[(?P<unit>[^\[\]]+)\]\s*\Z")
-SHOWN = 60
+MAX_SHOWN_FORMULA = 60
 """Characters of a formula that a message shows."""
-LONGEST, FACTORS = 10_000, 200
+MAX_FORMULA_LENGTH, MAX_FORMULA_FACTORS = 10_000, 200
 """Characters of a formula, and numbers and columns in it."""
-DEEPEST = 50
+MAX_BRACKET_DEPTH = 50
 """Brackets within brackets that a formula may have."""
 
 
@@ -194,8 +194,8 @@ def parse(text: str, names: Mapping[str, str], where: str) -> Node:
         With the place in the formula, and what it does not know.
     """
     parser = _Parser(text, dict(sorted(names.items(), key=lambda pair: -len(pair[0]))), where)
-    if len(text) > LONGEST:
-        raise parser.fault(f"{len(text):,} characters; allowed: {LONGEST:,}")
+    if len(text) > MAX_FORMULA_LENGTH:
+        raise parser.fault(f"{len(text):,} characters; allowed: {MAX_FORMULA_LENGTH:,}")
     return parser.whole()
 
 
@@ -214,12 +214,12 @@ class _Parser:
         node = self.sum()
         self.blank()
         if self.at < len(self.text):
-            raise self.fault(f"{self.text[self.at : self.at + SHOWN]!r} is left over")
+            raise self.fault(f"{self.text[self.at : self.at + MAX_SHOWN_FORMULA]!r} is left over")
         return node
 
     def fault(self, why: str) -> RecordError:
         known = "numbers, columns, + - * / ( ), " + ", ".join(FUNCTIONS)
-        shown = self.text if len(self.text) <= SHOWN else f"{self.text[:SHOWN]} ..."
+        shown = self.text if len(self.text) <= MAX_SHOWN_FORMULA else f"{self.text[:MAX_SHOWN_FORMULA]} ..."
         return RecordError(f"{self.where}: {shown!r}: {why}; allowed: {known}")
 
     def blank(self) -> None:
@@ -257,8 +257,8 @@ class _Parser:
 
     def deeper(self, part: Callable[[], Node]) -> Node:
         self.depth += 1
-        if self.depth > DEEPEST:
-            raise self.fault(f"more than {DEEPEST} brackets or signs within each other")
+        if self.depth > MAX_BRACKET_DEPTH:
+            raise self.fault(f"more than {MAX_BRACKET_DEPTH} brackets or signs within each other")
         node = part()
         self.depth -= 1
         return node
@@ -266,8 +266,8 @@ class _Parser:
     def atom(self) -> Node:
         self.blank()
         self.count += 1
-        if self.count > FACTORS:
-            raise self.fault(f"more than {FACTORS} factors")
+        if self.count > MAX_FORMULA_FACTORS:
+            raise self.fault(f"more than {MAX_FORMULA_FACTORS} factors")
         if self.taken("("):
             return self.closed(self.deeper(self.sum))
         number = _NUMBER.match(self.text, self.at)

@@ -10,14 +10,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from signlin_ros import units
-from signlin_ros.names import TIME
+from signlin_ros.names import TIME_NAMES
 
 _BRACKETS = re.compile(r"(?P<gap> ?)(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*(?:\([^()]*\)[^()]*)?)\))")
 _AFTER = re.compile(r"(?P<name>[^/,]*[^/, ]) ?(?:, ?|/ ?(?=\(?[^/]+(?:/[^/]+)?\)?\Z))\(?(?P<unit>[^,()]+)\)?\Z")
 _IN = re.compile(r"(?P<name>.*?)(?:^|\s)in (?P<unit>\S+)\Z")
 _FURTHER = "elapsed elapsed_time time_stamp datetime date_time date/time clock uptime ros_time tout rel_time stime utc"
 _FURTHER += " x_value sec secs seconds millis micros zeit date"
-_TIMES = (*TIME, *_FURTHER.split())
+_TIMES = (*TIME_NAMES, *_FURTHER.split())
 _TIME = re.compile(rf"(?:__|%)?(?P<name>{'|'.join(_TIMES)})(?:\(\))?(?:_(?P<unit>s|sec|ms|us|ns))?\Z", re.IGNORECASE)
 _TIME_UNITS = {"millis": "ms", "micros": "us", "sec": "s", "secs": "s", "seconds": "s"}
 _PAIR = re.compile(
@@ -32,7 +32,7 @@ _SAFE += "|(?:k?rad|mrad|deg|rev|turns?|m|mm|cm|um|in|ft|km)_(?:per_)?(?:s2?|sec
 _SAFE += "|upm|grad|newtons?|meters?|metres?|degrees|radians|milliamps|millivolts|celsius|percent|kg|g"
 _SUFFIX = re.compile(rf"(?P<name>.*?[^_])_(?:in_)?(?P<unit>{_SAFE}|[vanmsVANms])\Z", re.IGNORECASE)
 
-TIME_KEYS = frozenset(TIME)
+TIME_KEYS = frozenset(TIME_NAMES)
 """Keys that `signals` may map to a file's time column; they are no signals of a model."""
 
 

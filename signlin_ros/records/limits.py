@@ -10,19 +10,19 @@ UNPACKED = 2 << 30
 """Bytes that a packed file may hold."""
 RATIO = 100
 """So many times its own size a packed file may hold; measured data pack to a third or a tenth."""
-SMALL = 1 << 20
+MAX_SMALL_FILE = 1 << 20
 """Bytes that a packed file of any size may hold."""
-NAMES = 1000
+MAX_ARCHIVE_NAMES = 1000
 """Files in an archive."""
 CELL = 1 << 20
 """Characters of a cell."""
-SEPARATORS = "\t;,| "
-_CHUNK = 1 << 20
+CELL_SEPARATORS = "\t;,| "
+_READ_CHUNK = 1 << 20
 
 
 def most_unpacked(packed: int) -> int:
     """Return how many bytes a file of ``packed`` bytes may hold."""
-    return min(UNPACKED, max(RATIO * packed, SMALL))
+    return min(UNPACKED, max(RATIO * packed, MAX_SMALL_FILE))
 
 
 def check_unpacked(size: int, packed: int, source: str) -> None:
@@ -41,7 +41,7 @@ def check_size(size: int, source: str) -> None:
 def unpacked(stream: IO[bytes], packed: int, source: str) -> bytes:
     """Return all that a stream of unpacked bytes holds; raises `RecordError` as soon as it is too much."""
     parts, size = [], 0
-    while part := stream.read(_CHUNK):
+    while part := stream.read(_READ_CHUNK):
         size += len(part)
         check_unpacked(size, packed, source)
         parts.append(part)
@@ -50,8 +50,8 @@ def unpacked(stream: IO[bytes], packed: int, source: str) -> bytes:
 
 def check_names(names: list[str], source: str) -> None:
     """Refuse an archive of too many files; raises `RecordError`."""
-    if len(names) > NAMES:
-        raise RecordError(f"{source}: the archive has {len(names):,} files; allowed: at most {NAMES:,}")
+    if len(names) > MAX_ARCHIVE_NAMES:
+        raise RecordError(f"{source}: the archive has {len(names):,} files; allowed: at most {MAX_ARCHIVE_NAMES:,}")
 
 
 def check_cells(text: str, source: str) -> None:
@@ -72,7 +72,7 @@ def _has_long_cell(line: str) -> bool:
     """Tell whether a line has a cell that is too long, whatever separates its cells."""
     at = 0
     while at + CELL < len(line):
-        end = max(line.rfind(mark, at, at + CELL + 1) for mark in SEPARATORS)
+        end = max(line.rfind(mark, at, at + CELL + 1) for mark in CELL_SEPARATORS)
         if end < 0:
             return True
         at = end + 1
@@ -81,7 +81,7 @@ def _has_long_cell(line: str) -> bool:
 
 __all__ = [
     "CELL",
-    "NAMES",
+    "MAX_ARCHIVE_NAMES",
     "RATIO",
     "UNPACKED",
     "check_cells",

@@ -34,7 +34,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-KINDS = (
+NOTE_KINDS = (
     "sorted",
     "cut",
     "repeated",
@@ -66,7 +66,7 @@ class Note(str):
     Attributes
     ----------
     sentence : the text itself.
-    kind : one of `KINDS`, "" where there is none.
+    kind : one of `NOTE_KINDS`, "" where there is none.
     channel : the column, topic or quantity of the model that it is about, "" for the whole record.
     """
 

@@ -22,27 +22,27 @@ from signlin_ros.records.mapping import ModelData
 
 Array = NDArray[np.float64]
 
-LONGEST = 3
+MAX_OUTLIER_RUN = 3
 """Most samples in a row that are off."""
-FAR, BEYOND, BACK = 20.0, 3.0, 5.0
+MIN_OUTLIER_DEVIATIONS, BEYOND, MIN_OVER_NEIGHBOURS = 20.0, 3.0, 5.0
 """How far off they are: in robust standard deviations of such departures, in multiples of their `USUAL` quantile, and
 of how far apart the neighbours are."""
-STEPS = 5.0
+MIN_OUTLIER_STEPS = 5.0
 """How many steps of a channel that is shown in steps."""
 USUAL = 0.995
-HUGE = 1e6
+MAX_SPAN_RATIO = 1e6
 """A value that is off by this many times what the middle 90 % span says nothing of the step in which they are shown."""
-STEP = 2.0
+MAX_INPUT_CHANGE = 2.0
 """An input that changes nearby by more than this many times the 95 % quantile of its changes may be the cause."""
-SELDOM, FEW = 1e-3, 3
+MAX_OUTLIER_SHARE, MAX_FEW_OUTLIERS = 1e-3, 3
 """Largest share of the samples, and number that is few anyway: what happens more often is what the machine does."""
-LEAST = 100
+MIN_USUAL_SAMPLES = 100
 """Samples that it takes to know what is usual."""
-OFTEN = 0.1
+MAX_WILD_SHARE = 0.1
 """Largest share of wild samples of what has inertia: beyond, two sources write into one channel."""
-ROUNDS = 4
+LOOKING_ROUNDS = 4
 """Times that a record is looked through: what lies beside a wild sample shows when that is out."""
-PAIR, OTHERS = 2, 10
+PAIR, MIN_MOTION_PEAKS = 2, 10
 """Most of them in a row, and peaks of the motion that it takes at least to know what is usual."""
 
 
@@ -52,10 +52,12 @@ def without_outliers(record: ModelData, channels: tuple[str, ...]) -> tuple[Mode
     for name in channels:
         y = record.measured[name]
         off = _departing(record, y)
-        if 0 < off.size <= max(FEW, SELDOM * y.size):
+        if 0 < off.size <= max(MAX_FEW_OUTLIERS, MAX_OUTLIER_SHARE * y.size):
             cleaned[name] = y.copy()
             cleaned[name][off] = np.nan
-            when = ", ".join(f"{t:.6g}" for t in record.t[off][:FEW]) + (", ..." if off.size > FEW else "")
+            when = ", ".join(f"{t:.6g}" for t in record.t[off][:MAX_FEW_OUTLIERS]) + (
+                ", ..." if off.size > MAX_FEW_OUTLIERS else ""
+            )
             notes.append(f"{record.source}: {name}: {off.size} outlier(s) at t = {when} s left out")
     return (replace(record, measured={**record.measured, **cleaned}) if cleaned else record), notes
 
@@ -67,34 +69,39 @@ def wild(record: ModelData, name: str) -> NDArray[np.bool_]:
     y = record.measured[name]
     off = _departing(record, y)
     found = np.zeros(y.size, dtype=np.bool_)
-    found[off if off.size <= max(FEW, SELDOM * y.size) else off[:0]] = True
-    for _ in range(ROUNDS):
+    found[off if off.size <= max(MAX_FEW_OUTLIERS, MAX_OUTLIER_SHARE * y.size) else off[:0]] = True
+    for _ in range(LOOKING_ROUNDS):
         before = int(found.sum())
         for first, last in pairwise(gaps(record.t)):
             there = first + np.flatnonzero(np.isfinite(y[first:last]) & ~found[first:last])
-            if there.size >= LEAST:
+            if there.size >= MIN_USUAL_SAMPLES:
                 stepping = _stepping(record.u[there])
-                parts = [_set_apart(y[there], calm, 0 if before else FEW) for calm in (~stepping, stepping | ~stepping)]
+                parts = [
+                    _set_apart(y[there], calm, 0 if before else MAX_FEW_OUTLIERS)
+                    for calm in (~stepping, stepping | ~stepping)
+                ]
                 found[there[np.concatenate(parts)]] = True
         if before == found.sum():
             break
-    return found if found.sum() <= max(FEW, OFTEN * y.size) else np.zeros_like(found)
+    return found if found.sum() <= max(MAX_FEW_OUTLIERS, MAX_WILD_SHARE * y.size) else np.zeros_like(found)
 
 
 def _set_apart(y: Array, calm: NDArray[np.bool_], few: int) -> NDArray[np.intp]:
     """Return the samples of y (T,), where it is ``calm``, that depart from both neighbours and come back, further than
     all others: between the least of them, more than ``few``, and the next peak of the motion is a factor `BEYOND`.
     """
-    least, found = STEPS * quantum_of(_core(y)), np.zeros(y.size, dtype=np.bool_)
+    least, found = MIN_OUTLIER_STEPS * quantum_of(_core(y)), np.zeros(y.size, dtype=np.bool_)
     for length in range(1, PAIR + 1):
         away, apart = _away(y, length)
         judged = calm[1 : 1 + away.size] & (away > apart)  # at a corner it does not come back
         peaks = np.flatnonzero(judged & (away >= maximum_filter1d(np.where(judged, away, 0.0), 2 * length + 1)))
         sizes = np.sort(away[peaks])[::-1]
-        floor = max(FAR * float(np.median(away)) / 0.6745, least)
+        floor = max(MIN_OUTLIER_DEVIATIONS * float(np.median(away)) / 0.6745, least)
         last = np.arange(1, sizes.size)
         beyond = (sizes[:-1] > floor) & (sizes[:-1] > BEYOND * sizes[1:])
-        beyond &= (last > few) & (last <= OFTEN * y.size) & (sizes.size - last >= np.maximum(last, OTHERS))
+        beyond &= (
+            (last > few) & (last <= MAX_WILD_SHARE * y.size) & (sizes.size - last >= np.maximum(last, MIN_MOTION_PEAKS))
+        )
         if not beyond.any():
             continue
         limit = sizes[:-1][beyond].min()
@@ -120,7 +127,7 @@ def _departing(record: ModelData, y: Array) -> NDArray[np.intp]:
     found = []
     for first, last in pairwise(gaps(record.t)):
         there = first + np.flatnonzero(np.isfinite(y[first:last]))
-        if there.size >= LEAST:
+        if there.size >= MIN_USUAL_SAMPLES:
             found += [there[i] for i in _off(y[there], _stepping(record.u[there]))]
     return np.array(sorted(set(found)), dtype=np.intp)
 
@@ -131,21 +138,21 @@ def _stepping(u: Array) -> NDArray[np.bool_]:
     What it did before the start is not known.
     """
     changes = np.abs(np.diff(u, axis=0, prepend=u[:1]))
-    steps = np.asarray((changes > STEP * np.quantile(changes, 0.95, axis=0)).any(axis=1))
-    steps[: 2 * LONGEST] = True
-    return np.asarray(np.convolve(steps, np.ones(2 * LONGEST + 1), "same") > 0)
+    steps = np.asarray((changes > MAX_INPUT_CHANGE * np.quantile(changes, 0.95, axis=0)).any(axis=1))
+    steps[: 2 * MAX_OUTLIER_RUN] = True
+    return np.asarray(np.convolve(steps, np.ones(2 * MAX_OUTLIER_RUN + 1), "same") > 0)
 
 
 def _off(y: Array, stepping: NDArray[np.bool_]) -> set[int]:
     """Return the samples of y (T,), without missing ones, that are off."""
     found: set[int] = set()
-    least = STEPS * quantum_of(_core(y))
-    for length in range(1, LONGEST + 1):
+    least = MIN_OUTLIER_STEPS * quantum_of(_core(y))
+    for length in range(1, MAX_OUTLIER_RUN + 1):
         away, apart = _away(y, length)
-        limit = np.maximum(max(_unusual(away), least), BACK * apart)
+        limit = np.maximum(max(_unusual(away), least), MIN_OVER_NEIGHBOURS * apart)
         for k in np.flatnonzero((away > limit) & ~stepping[1 : 1 + away.size]):
             found |= set(range(k + 1, k + 1 + length))
-    ends = 0 if stepping[-LONGEST:].any() else _off_at_the_end(y, least)
+    ends = 0 if stepping[-MAX_OUTLIER_RUN:].any() else _off_at_the_end(y, least)
     found |= {y.size - 1 - k for k in range(ends)}
     return found
 
@@ -153,18 +160,18 @@ def _off(y: Array, stepping: NDArray[np.bool_]) -> set[int]:
 def _core(y: Array) -> Array:
     """Return y (T,) without what is so far off that the step of the others could not be told."""
     low, middle, high = np.quantile(y, [0.05, 0.5, 0.95])
-    return y[np.abs(y - middle) <= HUGE * (high - low)] if high > low else y
+    return y[np.abs(y - middle) <= MAX_SPAN_RATIO * (high - low)] if high > low else y
 
 
 def _unusual(away: Array) -> float:
     """Return from where on a departure (T,) is beyond noise and beyond what else happens."""
-    return float(max(FAR * np.median(away) / 0.6745, BEYOND * np.quantile(away, USUAL)))
+    return float(max(MIN_OUTLIER_DEVIATIONS * np.median(away) / 0.6745, BEYOND * np.quantile(away, USUAL)))
 
 
 def _off_at_the_end(y: Array, least: float) -> int:
     """Return how many samples at the end of y (T,) are off: none of them is where the ones before lead."""
     count = 0
-    for length in range(1, LONGEST + 1):
+    for length in range(1, MAX_OUTLIER_RUN + 1):
         away = np.abs(y[1 + length :] - (y[1:-length] + length * (y[1:-length] - y[: -length - 1])))
         count = length if away[-1] > max(_unusual(away[:-1]), least) else count
     return count

@@ -14,11 +14,11 @@ from signlin_ros.records.table import Rows
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
-LATE = 3
+MAX_LATE_ROWS = 3
 """So many rows in succession may have come late; more are a run of their own."""
-FAR = 50
+MAX_LATE_DISTANCE = 50
 """A row that came late belongs at most so many rows before where it stands; another has a wrong stamp."""
-MOST = 50
+MAX_RUNS = 50
 """More runs in one file are rows in no order."""
 
 
@@ -77,7 +77,7 @@ def _parts(t: Array, breaks: Sequence[int], fault: Callable[[int], RecordError])
         cut = min(_restart(t, first), limit)
         parts.append((first, cut))
         first = cut
-        if len(parts) > MOST + len(known):
+        if len(parts) > MAX_RUNS + len(known):
             raise fault(parts[1][0])
     sizes = [last - begin for begin, last in parts]
     if len(parts) > 2 and float(np.median(sizes)) < 10:
@@ -92,7 +92,7 @@ def _restart(t: Array, first: int) -> int:
         return int(t.size)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], late, [False]]).astype(np.int8)))
     begins, ends = edges[::2], edges[1::2]
-    long = np.flatnonzero(ends - begins > LATE)
+    long = np.flatnonzero(ends - begins > MAX_LATE_ROWS)
     return int(t.size) if not long.size else int(first + begins[long[0]])
 
 
@@ -105,7 +105,7 @@ def _in_order(t: Array, first: int, last: int) -> tuple[Index, int, int]:
     if not late.any():
         return index, 0, 0
     place = np.searchsorted(part[~late], part[late])
-    far = np.arange(part.size)[late] - place > FAR
+    far = np.arange(part.size)[late] - place > MAX_LATE_DISTANCE
     kept = np.ones(part.size, dtype=np.bool_)
     kept[np.flatnonzero(late)[far]] = False
     index = index[kept]

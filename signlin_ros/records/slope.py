@@ -12,9 +12,9 @@ from signlin_ros.noise import noise_level
 
 Array = npt.NDArray[np.float64]
 
-LEAST = 6
+MIN_SPLINE_SAMPLES = 6
 """Fewer samples make no spline."""
-MANY, HELD, SURELY = 100, 0.7, 50.0
+MIN_RATE_SAMPLES, MAX_HELD_SHARE, MIN_LIKELIHOOD_GAIN = 100, 0.7, 50.0
 """Samples that tell whether a rate was held; the largest share that held rates may leave of what smooth ones do; and by
 how much -2 log likelihood must be less with them if it is more."""
 PIECE = 3000
@@ -33,7 +33,7 @@ def slope(t: Array, values: Array) -> tuple[Array, float]:
     from scipy.interpolate import make_smoothing_spline
 
     good = np.isfinite(values)
-    if good.sum() < LEAST:
+    if good.sum() < MIN_SPLINE_SAMPLES:
         return np.asarray(np.gradient(values, t)) if t.size > 1 else np.full(t.size, np.nan), 0.0
     slower = held(values)
     new = good & ~slower.repeated(t.size) if slower else good
@@ -56,13 +56,13 @@ def held_slope(t: Array, values: Array, smooth: Array, effort: Array) -> Array |
     steps = np.diff(t)
     rate = np.append(np.diff(values) / steps, np.nan) if t.size > 1 else np.full(t.size, np.nan)
     there = np.isfinite(rate) & np.isfinite(smooth) & np.isfinite(values) & np.isfinite(effort)
-    if np.count_nonzero(there) < MANY:
+    if np.count_nonzero(there) < MIN_RATE_SAMPLES:
         return None
     features = [np.column_stack([values, v, np.sign(v)])[there] for v in (smooth, rate)]
     levels = [_left(f - f.mean(axis=0), effort[there] - effort[there].mean()) for f in features]
     changes = [_left(np.diff(f, axis=0), np.diff(effort[there])) for f in features]
     shares = [after / max(before, 1e-300) for before, after in (levels, changes)]
-    clearly = min(shares) < HELD or max(shares) < np.exp(-SURELY / np.count_nonzero(there))
+    clearly = min(shares) < MAX_HELD_SHARE or max(shares) < np.exp(-MIN_LIKELIHOOD_GAIN / np.count_nonzero(there))
     if not clearly or max(shares) > 1.0:
         return None
     rate[-1] = rate[-2]

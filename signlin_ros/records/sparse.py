@@ -13,22 +13,22 @@ from signlin_ros.records.table import Record, Series
 
 Array = npt.NDArray[np.float64]
 
-EMPTY = 0.1
+MIN_EMPTY_SHARE = 0.1
 """A column with more than this share of empty cells may have a clock of its own."""
-APART = 0.1
+MIN_OWN_SHARE = 0.1
 """Two columns have clocks of their own where each has more than this share of its values without the other's."""
 
 
-FEW = 20
+MIN_SPARSE_ROWS = 20
 """Rows from which on this is looked at."""
 
 
 def sparse(record: Record) -> Record:
     """The record with every column on stamps of its own, if it merges several clocks; else as it is."""
-    if len(record) < FEW:
+    if len(record) < MIN_SPARSE_ROWS:
         return record
     there = {name: np.isfinite(signal.values) for name, signal in record.signals.items()}
-    masks = [mask for mask in there.values() if mask.any() and mask.mean() < 1.0 - EMPTY]
+    masks = [mask for mask in there.values() if mask.any() and mask.mean() < 1.0 - MIN_EMPTY_SHARE]
     different = list({mask.tobytes(): mask for mask in masks}.values())[:20]
     if not any(_apart(a, b) for a, b in combinations(different, 2)):
         return record
@@ -43,4 +43,4 @@ def sparse(record: Record) -> Record:
 
 def _apart(a: npt.NDArray[np.bool_], b: npt.NDArray[np.bool_]) -> bool:
     both = np.count_nonzero(a & b)
-    return bool(both < (1.0 - APART) * min(np.count_nonzero(a), np.count_nonzero(b)))
+    return bool(both < (1.0 - MIN_OWN_SHARE) * min(np.count_nonzero(a), np.count_nonzero(b)))

@@ -39,7 +39,7 @@ def at(t: float | np.floating) -> str:
     return f"t = {t:.9g} s" if abs(t) < LONG_AGO else f"t = {t:.3f} s"
 
 
-LONGEST = 80
+MAX_SHOWN_NAME = 80
 """Characters of a name that a message shows."""
 
 
@@ -201,7 +201,7 @@ class Record:
         """As `find`, but refuses a name that is not there with the names that are, and `advice`."""
         key = self.find(name)
         if key is None:
-            shown = name if len(name) <= LONGEST else f"{name[:LONGEST]} ..."
+            shown = name if len(name) <= MAX_SHOWN_NAME else f"{name[:MAX_SHOWN_NAME]} ..."
             raise RecordError(f"{self.source}: no {role} {shown!r}; {self.listing()}{advice or self.nearest(name)}")
         return key
 

@@ -21,7 +21,7 @@ from signlin_ros.records.notes import Note
 from signlin_ros.records.table import listing, nearest
 
 if TYPE_CHECKING:
-    from signlin_ros.records.clean import Table
+    from signlin_ros.records.clean import RawTable
 
 Array = npt.NDArray[np.float64]
 
@@ -47,7 +47,7 @@ class Times:
     notes: tuple[Note, ...] = ()
 
 
-def times_of(table: Table, signals: Mapping[str, str]) -> Times:
+def times_of(table: RawTable, signals: Mapping[str, str]) -> Times:
     """The times of a table's rows; `signals` may say what they are under the key ``t``.
 
     Raises
@@ -84,7 +84,7 @@ def times_of(table: Table, signals: Mapping[str, str]) -> Times:
     )
 
 
-def _counts(table: Table, head: Heading) -> bool:
+def _counts(table: RawTable, head: Heading) -> bool:
     """Whether a column is a time by its unit, and goes on from row to row: ``Source [Second]``, ``in s``."""
     if not head.unit or head.suffix:
         return False
@@ -94,7 +94,7 @@ def _counts(table: Table, head: Heading) -> bool:
     return bool(is_time and np.isfinite(column).all() and column.size > 1 and (np.diff(column) > 0).mean() > 0.9)
 
 
-def _as_said(table: Table, spec: str) -> Times:
+def _as_said(table: RawTable, spec: str) -> Times:
     """The time that a mapping describes: a column, a step, or a formula."""
     found = [head for head in table.headings if head.whole(spec) or head.bare(spec)]
     number = re.fullmatch(r"\+?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?(\s*\[(?P<unit>[^\]]+)\])?", spec)
@@ -125,7 +125,7 @@ def _as_said(table: Table, spec: str) -> Times:
     return _formula(table, spec, body, unit)
 
 
-def _formula(table: Table, spec: str, body: str, unit: str) -> Times:
+def _formula(table: RawTable, spec: str, body: str, unit: str) -> Times:
     names = {f"#{head.number}": head.label for head in table.headings if head.number}
     names |= {name: head.label for head in reversed(table.headings) for name in (head.name, head.label)}
     node = grammar.parse(body, names, f"{table.source}: t")
@@ -146,20 +146,20 @@ def _formula(table: Table, spec: str, body: str, unit: str) -> Times:
     return Times(np.asarray(t, dtype=np.float64), "t", used, (Note(f"t = {spec}", "clock", "t"),))
 
 
-def _from_first(table: Table, label: str, column: Array) -> Array:
+def _from_first(table: RawTable, label: str, column: Array) -> Array:
     """A column less its first value, exactly where it holds whole numbers beyond what a double does."""
     exact = table.exact.get(label)
     return column - column[0] if exact is None else np.asarray(exact - exact[0], dtype=np.float64)
 
 
-def _even(table: Table, step: float, why: str) -> Times:
+def _even(table: RawTable, step: float, why: str) -> Times:
     if not (np.isfinite(step) and step > 0.0):
         raise RecordError(f"{table.source}: the time from row to row is {step:g} s; allowed: more than 0")
     t = np.asarray(np.arange(table.rows.number.size) * step, dtype=np.float64)
     return Times(t, "t", frozenset(), (Note(f"rows are {step:g} s apart, {why}", "clock", "t"),))
 
 
-def _two(table: Table, whole: Heading, part: Heading, size: float) -> Times:
+def _two(table: RawTable, whole: Heading, part: Heading, size: float) -> Times:
     """Whole seconds and what is beyond them, in two columns."""
     columns = {head.label: column for head, column in zip(table.headings, table.columns, strict=True)}
     begin = float(columns[whole.label][0])
@@ -169,7 +169,7 @@ def _two(table: Table, whole: Heading, part: Heading, size: float) -> Times:
     return Times(t, whole.label, frozenset({whole.label, part.label}), (Note(said, "clock", "t"),))
 
 
-def _column(table: Table, head: Heading, unit: str) -> Times:
+def _column(table: RawTable, head: Heading, unit: str) -> Times:
     """The time in one column."""
     raw = table.columns[table.headings.index(head)]
     _check_finite(table, raw)
@@ -205,7 +205,7 @@ def _column(table: Table, head: Heading, unit: str) -> Times:
     return Times(t, head.label, frozenset({head.label}), tuple(notes))
 
 
-def _check_finite(table: Table, t: Array) -> None:
+def _check_finite(table: RawTable, t: Array) -> None:
     bad = np.flatnonzero(~np.isfinite(t))
     if bad.size:
         where, shown = table.rows.name(bad[0]), "nan" if np.isnan(t[bad[0]]) else repr(float(t[bad[0]]))
@@ -220,20 +220,20 @@ def _epoch(first: float, step: float) -> str:
     return ""
 
 
-SLOW = ((1e5, "ns"), (500.0, "us"), (0.5, "ms"))
+SLOW_STEPS = ((1e5, "ns"), (500.0, "us"), (0.5, "ms"))
 """Steps in s from which on a time without a unit is rather in another one."""
 
 
-FEW = 20
+MIN_UNIT_ROWS = 20
 """Rows from which on the steps of a time tell whether its unit has to be asked for."""
 
 
 def _asked(head: Heading, t: Array) -> list[Note]:
     """A question after the unit of a time that states none and whose steps, taken as s, are long."""
-    if t.size < FEW:
+    if t.size < MIN_UNIT_ROWS:
         return []
     step = float(np.median(np.abs(np.diff(t))))
-    unit = next((unit for least, unit in SLOW if step >= least), "")
+    unit = next((unit for least, unit in SLOW_STEPS if step >= least), "")
     if not unit:
         return []
     label = head.label
@@ -252,7 +252,7 @@ def _are_two(first: Array, second: Array) -> bool:
     return bool(within and (steps >= 0).mean() > 0.9 and np.median(steps) <= _SLOWEST)
 
 
-def _without_names(table: Table) -> Times | None:
+def _without_names(table: RawTable) -> Times | None:
     """The time in a table without a header: whole seconds and nanoseconds in front, as ``ros2 topic echo --csv`` writes
     them, or a first column that increases.
     """

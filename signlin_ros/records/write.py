@@ -28,10 +28,10 @@ Array = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 Put = Callable[[str, int, "bytes | memoryview"], None]
 
-SUFFIXES = (".csv", ".mcap")
+RECORD_SUFFIXES = (".csv", ".mcap")
 """Suffixes of the files that `write_record` writes."""
-_CHUNK = 50_000
-_INPUTS = ("voltage", "load_torque", "force")
+_WRITE_CHUNK = 50_000
+_INPUT_NAMES = ("voltage", "load_torque", "force")
 _JOINT_FIELDS = (
     ("position", ("position", "displacement")),
     ("velocity", ("velocity", "speed")),
@@ -94,7 +94,7 @@ def write_record(
 def _target(path: str | os.PathLike[str]) -> Path:
     """Return where a record may be written to; raise `RecordError` for another suffix, or where that cannot be."""
     target = Path(path)
-    if target.suffix.lower() not in SUFFIXES:
+    if target.suffix.lower() not in RECORD_SUFFIXES:
         raise RecordError(f"{target}: records are written as .csv or .mcap files, not {target.suffix!r}")
     why = refusal(target)
     if why:
@@ -105,8 +105,8 @@ def _target(path: str | os.PathLike[str]) -> Path:
 def _write_csv(record: Record, stream: TextIO, with_units: bool) -> None:
     columns = [record.t, *(signal.values for signal in record.signals.values())]
     csv.writer(stream, lineterminator="\n").writerow(["t", *_header(record, with_units)])
-    for start in range(0, record.t.size, _CHUNK):
-        cells = [map(repr, column[start : start + _CHUNK].tolist()) for column in columns]
+    for start in range(0, record.t.size, _WRITE_CHUNK):
+        cells = [map(repr, column[start : start + _WRITE_CHUNK].tolist()) for column in columns]
         stream.write("\n".join(map(",".join, zip(*cells, strict=True))) + "\n")
 
 
@@ -161,7 +161,7 @@ def _stamps(record: Record) -> tuple[Integers, bool]:
 
 def _arrays(record: Record, model: Model | None, store: Any) -> Iterator[tuple[str, str, Callable[[int], bytes]]]:
     """Topic, type and serializer of the array topics."""
-    known = tuple(model.inputs) if model is not None else _INPUTS
+    known = tuple(model.inputs) if model is not None else _INPUT_NAMES
     inputs = [name for name in known if name in record.signals]
     others = [name for name in record.signals if name not in inputs]
     states = [name for name in model.states if name in others] if model is not None else others

@@ -9,10 +9,10 @@ from typing import Any
 from signlin_ros.console import error_rows
 from signlin_ros.diagnosis.results import Diagnosis
 from signlin_ros.model import Model
-from signlin_ros.names import AS_GIVEN, REFITTED
+from signlin_ros.names import AS_GIVEN, REFITTED_ROW
 from signlin_ros.report.diagnosis import evidence_blocks
 from signlin_ros.report.formulas import formula
-from signlin_ros.report.page import Block, Section, Table, Text
+from signlin_ros.report.page import Block, ReportTable, Section, Text
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,17 +40,17 @@ def lead_of(steps: Sequence[Added]) -> str:
     return f"The model has {' and '.join(names)}, added from these records." if names else ""
 
 
-def _errors(steps: Sequence[Added]) -> Table:
-    """Return the errors on unseen data before, and after every step."""
+def _errors(steps: Sequence[Added]) -> ReportTable:
+    """Return the errors on validation data before, and after every step."""
     named = []
     for k, step in enumerate(steps):
         given, ladder = step.content.get("given"), step.content["ladder"]
         if k == 0:
             named += [(AS_GIVEN, given)] if given else []
-            named.append((REFITTED if given else AS_GIVEN, ladder[0]))
+            named.append((REFITTED_ROW if given else AS_GIVEN, ladder[0]))
         named.append((f"+ {step.effect.replace('_', ' ')}", ladder[-1]))
-    head = ["model", "channel", "data of the fit", "over noise", "unseen data", "fit", "over noise"]
-    return Table(head, error_rows(named), right=range(2, 7))
+    head = ["model", "channel", "data of the fit", "over noise", "validation data", "fit", "over noise"]
+    return ReportTable(head, error_rows(named), right=range(2, 7))
 
 
 __all__ = ["Added", "added_section", "lead_of"]

@@ -11,13 +11,13 @@ from signlin_ros import __version__
 from signlin_ros.checks.finding import Finding
 from signlin_ros.comparison.scores import Score
 from signlin_ros.console import error_rows
-from signlin_ros.diagnosis.comparison import NOWHERE, Comparison
-from signlin_ros.diagnosis.results import Rung
+from signlin_ros.diagnosis.comparison import NO_SITUATION, Comparison
+from signlin_ros.diagnosis.results import LadderRow
 from signlin_ros.errors import SignlinError
-from signlin_ros.names import AS_GIVEN, REFITTED
+from signlin_ros.names import AS_GIVEN, REFITTED_ROW
 from signlin_ros.report import pictures
 from signlin_ros.report.files import write_report
-from signlin_ros.report.page import Block, Code, Items, Page, Picture, Section, Table, Text
+from signlin_ros.report.page import Block, Code, Items, Page, Picture, ReportTable, Section, Text
 
 
 def compare_report(
@@ -37,7 +37,7 @@ def compare_report(
     sections = [
         *first,
         Section("The record", findings(record)),
-        Section("Scores", [*_first_rows(c), scores_table(c), Text(_HOW, "note"), *_effort(c)]),
+        Section("Scores", [*_first_rows(c), scores_table(c), Text(_HOW_SCORED, "note"), *_effort(c)]),
         Section("Measured and predicted", _traces(c)),
         Section("Where it fails", where(c)),
         Section("What is missing", _missing(c)),
@@ -87,7 +87,7 @@ def _lead(c: Comparison) -> str:
     )
     which = "Every prediction" if score.rmse_over_noise < 1.1 else f"The prediction of the {worst}"
     where = f"; most of the error: {c.where[0].name}" if c.where else ""
-    unseen = f"over the next {rows.horizon:g} s, on unseen data," if rows else f"over the next {c.horizon:g} s"
+    unseen = f"over the next {rows.horizon:g} s, on validation data," if rows else f"over the next {c.horizon:g} s"
     return f"{which} {unseen} is {noise}{where}."
 
 
@@ -101,27 +101,28 @@ def _first_rows(c: Comparison) -> list[Block]:
     if rows is None:
         return []
     units = {name: channel.unit for name, channel in c.channels.items()}
-    table = rows_table([(AS_GIVEN, rows.given), (REFITTED, rows.refitted)], lambda name: units.get(name, ""))
+    table = rows_table([(AS_GIVEN, rows.given), (REFITTED_ROW, rows.refitted)], lambda name: units.get(name, ""))
     return [table, Text(_AHEAD.format(f"{rows.horizon:g}"), "note")]
 
 
-def rows_table(named: Sequence[tuple[str, Rung]], unit: Callable[[str], str]) -> Table:
+def rows_table(named: Sequence[tuple[str, LadderRow]], unit: Callable[[str], str]) -> ReportTable:
     """Return the rows by which models are told apart: a group for each, the noise of the sensors last."""
-    head = ["model", "channel", "unit", "data of the fit", "over noise", "unseen data", "fit", "over noise"]
+    head = ["model", "channel", "unit", "data of the fit", "over noise", "validation data", "fit", "over noise"]
     units = {name: unit(name) for _, rung in named for name in rung.validation.channels}
     found = error_rows([(name, rung.to_json()) for name, rung in named])
     rows = [[name, channel, units.get(channel, "of the effort"), *cells] for name, channel, *cells in found]
-    return Table(head, rows, right=range(3, 8))
+    return ReportTable(head, rows, right=range(3, 8))
 
 
 _AHEAD = (
     "RMS errors over windows of {} s, each from what was measured before it. Refitted: the base parameters moved within"
-    " their tolerances. Missing force: what the measured motion takes beyond the model, on unseen data, in per cent of"
+    " their tolerances. Missing force: what the measured motion takes beyond the model, on validation data, in "
+    "per cent of"
     " the effort. Noise: of the sensors alone."
 )
 
 
-def scores_table(c: Comparison) -> Table:
+def scores_table(c: Comparison) -> ReportTable:
     """Return the scores of every channel; over windows only where the first rows do not show that."""
     ahead = [] if c.first_rows and c.first_rows.horizon == c.horizon else [f"next {c.horizon:g} s", "fit", "over noise"]
     head = ["", "unit", "noise", "free run", "fit", "over noise", *ahead]
@@ -129,10 +130,10 @@ def scores_table(c: Comparison) -> Table:
         [name, one.unit, number(one.sigma), *_score(one.free_run), *(_score(one.windowed) if ahead else [])]
         for name, one in c.channels.items()
     ]
-    return Table(head, rows, right=range(2, 9))
+    return ReportTable(head, rows, right=range(2, 9))
 
 
-_HOW = (
+_HOW_SCORED = (
     "RMS errors over all samples. Free run: simulated from an estimated start. Over windows, where shown: each from"
     " what was measured before it. Fit: 100 % less the error over the spread of what was measured."
 )
@@ -167,7 +168,7 @@ def where(c: Comparison) -> list[Block]:
     """Return the situations in which a model fails, as a table."""
     if not c.where:
         rest = "." if any(m.clear for m in c.missing) else ": nothing stands out of the noise."
-        return [Text(f"{NOWHERE[:1].upper()}{NOWHERE[1:]}{rest}")]
+        return [Text(f"{NO_SITUATION[:1].upper()}{NO_SITUATION[1:]}{rest}")]
     rows = [
         [
             r.name,
@@ -178,7 +179,7 @@ def where(c: Comparison) -> list[Block]:
         for r in c.where
     ]
     head = ["situation", "of the error", "of the time", f"missing {c.where[0].what} there, mean ± 2 standard errors"]
-    return [Table(head, rows, right=(1, 2))]
+    return [ReportTable(head, rows, right=(1, 2))]
 
 
 def _missing(c: Comparison) -> list[Block]:
@@ -214,10 +215,10 @@ def drawing(name: str, draw: Any, caption: str, *arguments: Any) -> list[Block]:
     return [Picture(name, figure, caption, caption.split(".", maxsplit=1)[0])]
 
 
-def _tests(c: Comparison) -> Table:
+def _tests(c: Comparison) -> ReportTable:
     yes = {True: "yes", False: "no"}
     rows = [[n, f"{t.lag1:.2f}", yes[t.white], yes[t.input_correlated]] for n, t in c.residual_tests.items()]
-    return Table(["", "correlation of neighbours", "white", "follows the input"], rows, right=(1,))
+    return ReportTable(["", "correlation of neighbours", "white", "follows the input"], rows, right=(1,))
 
 
 def _spectrum(c: Comparison) -> list[Block]:

@@ -15,7 +15,7 @@ from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
 
-LEAST = 8
+MIN_BIN_SAMPLES = 8
 """A bin with fewer samples says nothing."""
 
 
@@ -40,7 +40,7 @@ def band(x: Array, values: Array, block: int, bins: int = 30, dense_at_zero: boo
         edges = top * np.sign(scaled) * scaled**2
     index = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, bins - 1)
     count = np.bincount(index, minlength=bins)
-    full = count >= LEAST
+    full = count >= MIN_BIN_SAMPLES
     mean = np.bincount(index, values, bins) / np.maximum(count, 1)
     at = np.bincount(index, x, bins) / np.maximum(count, 1)
     groups = np.arange(x.size) // max(block, 1) * bins + index

@@ -8,13 +8,13 @@ from pathlib import Path
 
 from signlin_ros.checks.finding import Finding
 from signlin_ros.diagnosis.comparison import Comparison, compare
-from signlin_ros.diagnosis.motion.fitted import held
-from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate
+from signlin_ros.diagnosis.output_error.fitted import held
+from signlin_ros.diagnosis.results import Diagnosis, ParameterEstimate, RankingEntry
 from signlin_ros.errors import SignlinError
 from signlin_ros.fitting.prepare import held_out
 from signlin_ros.model import Model
 from signlin_ros.model.numbers import numbers
-from signlin_ros.names import AS_GIVEN, REFITTED
+from signlin_ros.names import AS_GIVEN, REFITTED_ROW
 from signlin_ros.records import ModelData
 from signlin_ros.report import diagnosis_pictures as drawn
 from signlin_ros.report import pictures
@@ -31,10 +31,10 @@ from signlin_ros.report.comparison import (
     rows_table,
     where,
 )
-from signlin_ros.report.evidence import Evidence, evidence, nearest
+from signlin_ros.report.evidence import EffectEvidence, effect_evidence, nearest
 from signlin_ros.report.files import write_report
 from signlin_ros.report.formulas import formula
-from signlin_ros.report.page import Block, Code, Fold, Items, Page, Picture, Section, Table, Text
+from signlin_ros.report.page import Block, Code, Fold, Items, Page, Picture, ReportTable, Section, Text
 
 Records = ModelData | Sequence[ModelData]
 BADGES = {"missing": "an effect is missing", "adequate": "nothing is missing", "unexplained": "unexplained"}
@@ -119,7 +119,7 @@ def _shown(d: Diagnosis) -> list[Block]:
     return blocks
 
 
-def _tie(entry: Entry) -> list[Block]:
+def _tie(entry: RankingEntry) -> list[Block]:
     if not entry.indistinguishable_from:
         return []
     names = drawn.words(entry.indistinguishable_from).replace(" + ", ", ")
@@ -128,19 +128,19 @@ def _tie(entry: Entry) -> list[Block]:
 
 def evidence_blocks(d: Diagnosis, effect: str) -> list[Block]:
     """Return the picture of an effect that was added; none where no force shows it."""
-    found = evidence(d.findings, effect) if d.findings else None
+    found = effect_evidence(d.findings, effect) if d.findings else None
     return [_picture(found, effect)] if found else []
 
 
-def _evidence(d: Diagnosis, entry: Entry) -> list[Block]:
-    found = evidence(d.findings, entry.effect) if d.findings else None
+def _evidence(d: Diagnosis, entry: RankingEntry) -> list[Block]:
+    found = effect_evidence(d.findings, entry.effect) if d.findings else None
     return [_picture(found, entry.effect)] if found else []
 
 
 def _nearest(d: Diagnosis) -> list[Block]:
     """Return the picture of the best effect that did not make it."""
     best = nearest(d.findings) if d.findings else None
-    found = evidence(d.findings, best.effects[0], best) if best else None
+    found = effect_evidence(d.findings, best.effects[0], best) if best else None
     if best is None or found is None:
         return []
     name = best.effects[0]
@@ -148,7 +148,7 @@ def _nearest(d: Diagnosis) -> list[Block]:
     return [Text(text), _picture(found, name)]
 
 
-def _picture(e: Evidence, effect: str) -> Picture:
+def _picture(e: EffectEvidence, effect: str) -> Picture:
     place = e.place.name.split(" [", maxsplit=1)[0]
     name, source = effect.replace("_", " "), names_of(e.sources)
     caption = (
@@ -160,7 +160,7 @@ def _picture(e: Evidence, effect: str) -> Picture:
     return Picture(f"evidence_{effect}", drawn.evidence_picture(e), caption, f"missing force over {place}, {name}")
 
 
-def _second(e: Evidence) -> str:
+def _second(e: EffectEvidence) -> str:
     if e.rival is None:
         return ""
     if not e.rival.effect:
@@ -168,7 +168,7 @@ def _second(e: Evidence) -> str:
     return f"Beside it: the same with {e.rival.effect.replace('_', ' ')} instead, all parameters fitted anew. "
 
 
-def _fits(e: Evidence) -> str:
+def _fits(e: EffectEvidence) -> str:
     """Return the parameters of what is shown, as fitted."""
     shown = [x for x in (e.named, e.rival) if x is not None and x.parameters]
     return "".join(f"Fitted {x.effect.replace('_', ' ')}: {_values(x.parameters)}. " for x in shown)
@@ -182,7 +182,7 @@ def _ladder(d: Diagnosis) -> list[Block]:
         "RMS error of every channel on data that the fit never saw, in brackets over the noise of its sensor. The"
         " dashed line is that noise: no model can be better. Refitted: base parameters moved within their tolerances."
     )
-    named = [(drawn.words(rung.effects) or REFITTED, rung) for rung in d.ladder]
+    named = [(drawn.words(rung.effects) or REFITTED_ROW, rung) for rung in d.ladder]
     table = rows_table([*([(AS_GIVEN, d.given)] if d.given else []), *named], lambda name: _unit(d, name))
     return [Picture("ladder", drawn.ladder(d), caption, "bars of the error from the base model to the noise"), table]
 
@@ -246,10 +246,10 @@ def _parameters(d: Diagnosis, base: Model | None) -> list[Block]:
         rows += [[name, *[str(e)] * 3, e.note] for name, e in rest.items()]
     head = ["parameter", "as given", "refitted", "proposal", ""]
     text = "± is one standard error; it allows for what correlation is left in the residual."
-    return [Table(head, rows), Text(text, "note")]
+    return [ReportTable(head, rows), Text(text, "note")]
 
 
-def _given(base: Model | None, name: str, e: Estimate) -> str:
+def _given(base: Model | None, name: str, e: ParameterEstimate) -> str:
     """Return a parameter as in the model file."""
     value = numbers(base).get(name) if base else None
     return "-" if value is None else str(replace(e, value=value, std=None))
@@ -265,21 +265,21 @@ def _others(d: Diagnosis) -> list[Block]:
     ]
     head = ["effect", "status", "error over noise", "why", "fitted"]
     if rows:
-        blocks.append(Fold(f"{len(rows)} other effects, best first", [Table(head, rows, right=(2,))]))
+        blocks.append(Fold(f"{len(rows)} other effects, best first", [ReportTable(head, rows, right=(2,))]))
     if rows and outside:
         blocks.append(Text(f"Not applicable to this plant: {', '.join(outside)}.", "note"))
     return [b for b in blocks if not (isinstance(b, Items) and not b.items)]
 
 
-def _status(e: Entry) -> str:
+def _status(e: RankingEntry) -> str:
     return f"{e.effect.replace('_', ' ')} ({e.status})"
 
 
-def _worst(e: Entry) -> str:
+def _worst(e: RankingEntry) -> str:
     return number(e.validation.over_noise) if e.validation else "-"
 
 
-def _values(parameters: Mapping[str, Estimate]) -> str:
+def _values(parameters: Mapping[str, ParameterEstimate]) -> str:
     return ", ".join(f"{name} = {value}" for name, value in parameters.items())
 
 
@@ -288,7 +288,7 @@ def _unknown(d: Diagnosis) -> list[Block]:
     rows = [[n, _unit(d, n), number(low), number(high)] for n, (low, high) in d.range.items()]
     blocks: list[Block] = [
         Text("The records of the fit visited this range; beyond it nothing is known, of the proposal either."),
-        Table(["", "unit", "from", "to"], rows, right=(2, 3)),
+        ReportTable(["", "unit", "from", "to"], rows, right=(2, 3)),
     ]
     ties = [(e.effect, e.indistinguishable_from) for e in d.missing if e.indistinguishable_from]
     quiet = [(e.effect.replace("_", " "), e.why) for e in d.ranking if e.status == "not_excited"]

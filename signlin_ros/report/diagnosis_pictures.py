@@ -13,21 +13,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.comparison import Comparison
-from signlin_ros.diagnosis.results import Diagnosis, Rung
-from signlin_ros.names import AS_GIVEN, REFITTED, SENSORS
-from signlin_ros.plotting import BARE, EXACT, JACOBIAN, MIDPOINT, SEQUENCE, START, legend_above, styled
-from signlin_ros.report.evidence import Evidence, Explanation
+from signlin_ros.diagnosis.results import Diagnosis, LadderRow
+from signlin_ros.names import AS_GIVEN, REFITTED_ROW, SENSOR_NOISE_ROW
+from signlin_ros.plotting import BARE, EXACT_COLOUR, JACOBIAN, MIDPOINT, SEQUENCE, START_COLOUR, legend_above, styled
+from signlin_ros.report.evidence import EffectEvidence, Explanation
 
 Array = NDArray[np.float64]
 
-MEASURED, BASE, PROPOSAL, FORWARD, BACKWARD, NOISE = EXACT, START, MIDPOINT, JACOBIAN, BARE, "#666666"
-POINTS = 4000
+MEASURED_COLOUR, BASE_COLOUR, PROPOSAL, FORWARD, BACKWARD, NOISE_COLOUR = (
+    EXACT_COLOUR,
+    START_COLOUR,
+    MIDPOINT,
+    JACOBIAN,
+    BARE,
+    "#666666",
+)
+MAX_DOTS = 4000
 """At most so many dots of a signal are drawn."""
-ZOOM = 0.05
+ZOOM_PART = 0.05
 """The part of a stretch shown enlarged, around where the base model is worst."""
-WIDER = 0.5
+RANGE_MARGIN = 0.5
 """By so much of its own range a picture is widened for what is beside it."""
-FAR = 3.0
+MAX_DRAWN_RATIO = 3.0
 """Predictions further away than so many times the size of what is measured are not drawn."""
 
 
@@ -40,11 +47,13 @@ def words(effects: Sequence[str]) -> str:
 
 
 def ladder(d: Diagnosis) -> Any:
-    """The error of every channel on unseen data, from the model as given to the proposal, and the noise floor below."""
+    """The error of every channel on validation data, from the model as given to the proposal, and the noise floor
+    below.
+    """
     channels, rungs = list(d.ladder[0].validation.channels), [*([d.given] if d.given else []), *d.ladder]
     labels = [
         *([AS_GIVEN] if d.given else []),
-        REFITTED,
+        REFITTED_ROW,
         *(f"+ {words(_added(a, b))}" for a, b in zip(d.ladder, d.ladder[1:], strict=False)),
     ]
     with styled(9.5, 1.25 + 0.42 * (len(labels) + 1)) as figure:
@@ -52,25 +61,25 @@ def ladder(d: Diagnosis) -> Any:
         for ax, name in zip(grid, channels, strict=True):
             _rungs(ax, rungs, name, d.findings.case.problem.shown(d.model.units[name]))
         rows = np.arange(len(labels) + 1)[::-1]
-        grid[0].set_yticks(rows, [*labels, SENSORS])
+        grid[0].set_yticks(rows, [*labels, SENSOR_NOISE_ROW])
         ahead = f"over windows of {d.model.update_period:g} s"
         figure.supxlabel(f"RMS error of the prediction, {ahead}, data that the fit never saw", fontsize=9)
     return figure
 
 
-def _added(before: Rung, after: Rung) -> list[str]:
+def _added(before: LadderRow, after: LadderRow) -> list[str]:
     return [e for e in after.effects if e not in before.effects]
 
 
-def _rungs(ax: Any, rungs: Sequence[Rung], name: str, unit: str) -> None:
+def _rungs(ax: Any, rungs: Sequence[LadderRow], name: str, unit: str) -> None:
     scores = [r.validation.channels[name] for r in rungs]
     ratio = scores[-1].rmse_over_noise
     noise = scores[-1].rmse / ratio if ratio else 0.0
     values = [min(s.rmse, 1e30) for s in scores] + [noise]
     rows = np.arange(len(values))[::-1]
-    colors = [BASE, *[SEQUENCE[0]] * (len(scores) - 2), *[PROPOSAL] * (len(scores) > 1), "#BBBBBB"]
+    colors = [BASE_COLOUR, *[SEQUENCE[0]] * (len(scores) - 2), *[PROPOSAL] * (len(scores) > 1), "#BBBBBB"]
     ax.barh(rows, values, 0.62, color=colors)
-    ax.axvline(noise, color=NOISE, ls="--", lw=1.0)
+    ax.axvline(noise, color=NOISE_COLOUR, ls="--", lw=1.0)
     for row, value, s in zip(rows, values, [*scores, None], strict=True):
         over = f"  ({s.rmse_over_noise:.3g}×)" if s and s.rmse_over_noise else ""
         ax.text(value, row, f" {value:.3g}{over}", va="center", fontsize=8)
@@ -118,7 +127,7 @@ def _relative(c: Comparison, k: int) -> Array:
 
 
 def _worst(error: Array) -> tuple[int, int]:
-    count = max(int(ZOOM * error.size), min(error.size, 20))
+    count = max(int(ZOOM_PART * error.size), min(error.size, 20))
     first = int(np.argmax(np.convolve(error, np.ones(count), mode="valid")))
     return first, first + count
 
@@ -137,18 +146,18 @@ def _as_shown(c: Comparison, name: str, values: Array) -> Array:
 
 
 def _signals(ax: Any, t: Array, y: Array, lines: Sequence[Array]) -> None:
-    every = max(1, t.size // POINTS)
-    size = FAR * float(np.nanmax(np.abs(y), initial=0.0)) or 1.0
-    ax.plot(t[::every], y[::every], color=MEASURED, lw=1.8, label="measured")
-    for line, color, label in zip(lines, (BASE, PROPOSAL), ("model as given", "proposal"), strict=True):
+    every = max(1, t.size // MAX_DOTS)
+    size = MAX_DRAWN_RATIO * float(np.nanmax(np.abs(y), initial=0.0)) or 1.0
+    ax.plot(t[::every], y[::every], color=MEASURED_COLOUR, lw=1.8, label="measured")
+    for line, color, label in zip(lines, (BASE_COLOUR, PROPOSAL), ("model as given", "proposal"), strict=True):
         ax.plot(t[::every], np.where(np.abs(line) < size, line, np.nan)[::every], color=color, lw=0.9, label=label)
     ax.set_xlim(t[0], t[-1])
 
 
 def _leftovers(ax: Any, t: Array, errors: Sequence[Array], noise: float) -> None:
-    every = max(1, t.size // POINTS)
+    every = max(1, t.size // MAX_DOTS)
     ax.axhspan(-2 * noise, 2 * noise, color="#DDDDDD", lw=0)
-    for e, color in zip(errors, (BASE, PROPOSAL), strict=True):
+    for e, color in zip(errors, (BASE_COLOUR, PROPOSAL), strict=True):
         ax.plot(t[::every], e[::every], color=color, lw=0.7)
     size = float(np.nanquantile(np.abs(errors[0]), 0.998)) if np.isfinite(errors[0]).any() else 0.0
     ax.set_ylim(*(1.1 * max(size, 4 * noise) * np.array([-1, 1])))
@@ -158,7 +167,7 @@ def _leftovers(ax: Any, t: Array, errors: Sequence[Array], noise: float) -> None
 # -------------------------------------------------------------------- evidence
 
 
-def evidence_picture(e: Evidence) -> Any:
+def evidence_picture(e: EffectEvidence) -> Any:
     """What the motion lacks without the effect and what the effect makes of it; the same for its nearest rival; and
     what the two leave of the means.
     """
@@ -189,13 +198,16 @@ def _span(parts: Sequence[Array]) -> tuple[float, float]:
     """Return limits that hold nearly all samples of the first part, and of the others if they are not much larger."""
     quantiles = np.array([np.nanquantile(p, [0.004, 0.996]) for p in parts])
     (low, high), size = quantiles[0], float(np.ptp(quantiles[0]))
-    low, high = max(quantiles[:, 0].min(), low - WIDER * size), min(quantiles[:, 1].max(), high + WIDER * size)
+    low, high = (
+        max(quantiles[:, 0].min(), low - RANGE_MARGIN * size),
+        min(quantiles[:, 1].max(), high + RANGE_MARGIN * size),
+    )
     margin = 0.1 * float(high - low) or 1.0
     return float(low) - margin, float(high) + margin
 
 
-def _explained(ax: Any, e: Evidence, x: Explanation) -> None:
-    every = max(1, e.place.x.size // POINTS)
+def _explained(ax: Any, e: EffectEvidence, x: Explanation) -> None:
+    every = max(1, e.place.x.size // MAX_DOTS)
     place = e.place.x
     ax.plot(
         place[::every],
@@ -206,13 +218,13 @@ def _explained(ax: Any, e: Evidence, x: Explanation) -> None:
         label="samples",
         rasterized=True,
     )
-    ax.axhline(0.0, color=NOISE, lw=0.7)
+    ax.axhline(0.0, color=NOISE_COLOUR, lw=0.7)
     if e.place.single:
         ax.plot(place, x.computed, color=PROPOSAL, lw=1.6, label="the same, computed with the effect")
         return
     sides = ("backward", "forward") if len(x.found) == 2 else [""] * len(x.found)
     for side, found, curve in zip(sides, x.found, x.curve, strict=True):
-        color = {"backward": BACKWARD, "forward": FORWARD, "": MEASURED}[side]
+        color = {"backward": BACKWARD, "forward": FORWARD, "": MEASURED_COLOUR}[side]
         label = "mean ± 2 standard errors" + (f", moving {side}" if side else "")
         bars = {"fmt": "o", "ms": 2.6, "lw": 1.0, "color": color, "ls": "none", "zorder": 3, "label": label}
         ax.plot(curve.at, curve.mean, color=PROPOSAL, lw=2.2, alpha=0.8)
@@ -221,7 +233,7 @@ def _explained(ax: Any, e: Evidence, x: Explanation) -> None:
 
 
 def _left(ax: Any, shown: Sequence[Explanation], dense: bool) -> None:
-    ax.axhline(0.0, color=NOISE, lw=0.7)
+    ax.axhline(0.0, color=NOISE_COLOUR, lw=0.7)
     for x, look in zip(shown, _LEFT, strict=False):
         for i, (found, curve) in enumerate(zip(x.found, x.curve, strict=True)):
             label = "" if i else (words([x.effect]) if x.effect else "nothing")
@@ -239,7 +251,7 @@ def _left(ax: Any, shown: Sequence[Explanation], dense: bool) -> None:
 
 _LEFT: tuple[dict[str, Any], ...] = (
     {"fmt": "o", "ms": 3.2, "color": PROPOSAL, "zorder": 3},
-    {"fmt": "s", "ms": 5.5, "color": BASE, "mfc": "none"},
+    {"fmt": "s", "ms": 5.5, "color": BASE_COLOUR, "mfc": "none"},
 )
 
 

@@ -1,4 +1,6 @@
-"""What unseen data show of a named effect: the force that is missing without it, over the coordinate that matters."""
+"""What validation data show of a named effect: the force that is missing without it, over the coordinate that
+matters.
+"""
 
 from __future__ import annotations
 
@@ -8,25 +10,25 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.judgement import Judgement
-from signlin_ros.diagnosis.motion import Fitted
-from signlin_ros.diagnosis.results import Estimate
-from signlin_ros.diagnosis.witnesses import changes_effort
-from signlin_ros.diagnosis.words import own_parameters
+from signlin_ros.diagnosis.evidence import changes_effort
+from signlin_ros.diagnosis.messages import own_parameters
+from signlin_ros.diagnosis.output_error import FittedModel
+from signlin_ros.diagnosis.results import ParameterEstimate
+from signlin_ros.diagnosis.verdict import Verdict
 from signlin_ros.effects import find_effect
 from signlin_ros.recording.trace import resolve_unit
-from signlin_ros.report.curves import LEAST, Band, band, memory
-from signlin_ros.report.waves import TURN, Spectrum, Wave, folded, spectrum, waves_of
+from signlin_ros.report.curves import MIN_BIN_SAMPLES, Band, band, memory
+from signlin_ros.report.waves import FULL_TURN, Spectrum, Wave, folded, spectrum, waves_of
 
 Array = NDArray[np.float64]
 
-ENOUGH = 20
+MIN_SHOWN_SAMPLES = 20
 """Samples below which nothing is shown of a direction of motion."""
-PASSES = 0.8
+MAX_WAVE_CUTOFF = 0.8
 """A wave passes the low-pass of the forces up to this part of its cut-off."""
-ALIKE = 0.02
+ALIKE_VARIANCE = 0.02
 """Parts of a variance that differ by less are alike: then a force is shown over velocity."""
-BINS = 30
+COORDINATE_BINS = 30
 """Bins by which is told over which coordinate a force is a curve."""
 
 
@@ -66,11 +68,11 @@ class Explanation:
     computed: Array
     found: tuple[Band, ...]
     curve: tuple[Band, ...]
-    parameters: Mapping[str, Estimate]
+    parameters: Mapping[str, ParameterEstimate]
 
 
 @dataclass(frozen=True, eq=False)
-class Evidence:
+class EffectEvidence:
     """The evidence for one effect, beside its nearest rival on the same data.
 
     ``quantity`` and ``unit`` of what is lacking; ``place``: the coordinate; ``cutoff`` of the low-pass in Hz;
@@ -88,9 +90,9 @@ class Evidence:
     spectrum: Spectrum | None = None
 
 
-def evidence(f: Judgement, effect: str, within: Fitted | None = None) -> Evidence | None:
+def effect_evidence(f: Verdict, effect: str, within: FittedModel | None = None) -> EffectEvidence | None:
     """Return the evidence for an effect of the proposal (or of ``within``); None where no force shows it."""
-    fitted, force = within or f.final, f.witnesses.force
+    fitted, force = within or f.final, f.evidence.force
     if force is None or changes_effort(find_effect(effect, "effects")):
         return None
     measured, computed = _lacking(f, fitted, effect)
@@ -107,17 +109,19 @@ def evidence(f: Judgement, effect: str, within: Fitted | None = None) -> Evidenc
     rows = None
     if place.kept is not None and _turns(f):
         rows = spectrum(_at(f, plant.position)[place.kept], named.measured, named.measured - named.computed, waves)
-    return Evidence(quantity, unit, place, cutoff, sources, named, _rival(f, fitted, effect, place), tuple(waves), rows)
+    return EffectEvidence(
+        quantity, unit, place, cutoff, sources, named, _rival(f, fitted, effect, place), tuple(waves), rows
+    )
 
 
-def nearest(f: Judgement) -> Fitted | None:
+def nearest(f: Verdict) -> FittedModel | None:
     """Return the best single effect that was fitted out, named or not."""
-    return min(f.witnesses.single, key=lambda one: one.level, default=None)
+    return min(f.evidence.single, key=lambda one: one.level, default=None)
 
 
-def _lacking(f: Judgement, fitted: Fitted, effect: str) -> tuple[Array, Array]:
-    """Return the force (N,) that is missing without an effect, and what the effect makes of it, on unseen data."""
-    force = f.witnesses.force
+def _lacking(f: Verdict, fitted: FittedModel, effect: str) -> tuple[Array, Array]:
+    """Return the force (N,) that is missing without an effect, and what the effect makes of it, on validation data."""
+    force = f.evidence.force
     assert force is not None  # noqa: S101  asked before
     less = fitted.model
     for key in [k for k, use in less.effects.items() if use.type == effect and k not in f.case.problem.base.effects]:
@@ -126,29 +130,29 @@ def _lacking(f: Judgement, fitted: Fitted, effect: str) -> tuple[Array, Array]:
     return without, without - with_it
 
 
-def _at(f: Judgement, name: str) -> Array:
-    """Return a coordinate (N,) where forces are told, on unseen data."""
-    force = f.witnesses.force
+def _at(f: Verdict, name: str) -> Array:
+    """Return a coordinate (N,) where forces are told, on validation data."""
+    force = f.evidence.force
     assert force is not None  # noqa: S101  asked before
     return np.concatenate([p.values[name][p.kept] for p in force.search.r.unseen.pieces])
 
 
 def _passing(velocity: Array, wave: Wave, cutoff: float) -> NDArray[np.bool_]:
     """Return at which velocities (N,) a wave passes the low-pass of the forces; all where it hardly does anywhere."""
-    slow = np.abs(velocity) * wave.order < PASSES * TURN * cutoff
-    return slow if np.count_nonzero(slow) >= 3 * ENOUGH else np.ones(velocity.size, dtype=np.bool_)
+    slow = np.abs(velocity) * wave.order < MAX_WAVE_CUTOFF * FULL_TURN * cutoff
+    return slow if np.count_nonzero(slow) >= 3 * MIN_SHOWN_SAMPLES else np.ones(velocity.size, dtype=np.bool_)
 
 
-def _turns(f: Judgement) -> bool:
+def _turns(f: Verdict) -> bool:
     """Tell whether the axis turns: then waves have whole orders."""
     return f.case.problem.shown(resolve_unit("Q", f.case.problem.base.plant)) == "rad"
 
 
-def _place(f: Judgement, computed: Array, waves: Sequence[Wave] = ()) -> Place:
+def _place(f: Verdict, computed: Array, waves: Sequence[Wave] = ()) -> Place:
     """Return the coordinate over which a force is most nearly a curve, for each direction of motion; of one that
     repeats the position within a period of its strongest wave.
     """
-    force, plant = f.witnesses.force, f.case.problem.base.plant
+    force, plant = f.evidence.force, f.case.problem.base.plant
     assert force is not None  # noqa: S101  asked before
     parts = force.search.r.unseen.pieces
     velocity, position = _at(f, plant.velocity), _at(f, plant.position)
@@ -163,7 +167,7 @@ def _place(f: Judgement, computed: Array, waves: Sequence[Wave] = ()) -> Place:
         return Place(name, "rad" if turns else "m", x, np.zeros(x.size), False, False, kept)
     side = np.sign(velocity)
     shares = {n: _unexplained(x, side, computed) for n, x in ((plant.velocity, velocity), (plant.position, position))}
-    best = plant.velocity if shares[plant.velocity] <= shares[plant.position] + ALIKE else plant.position
+    best = plant.velocity if shares[plant.velocity] <= shares[plant.position] + ALIKE_VARIANCE else plant.position
     if shares[best] > 0.5:
         ends = np.cumsum([0.0, *(float(p.t[-1]) for p in parts)])
         t = np.concatenate([p.t[p.kept] + end for p, end in zip(parts, ends, strict=False)])
@@ -176,19 +180,19 @@ def _place(f: Judgement, computed: Array, waves: Sequence[Wave] = ()) -> Place:
 
 def _unexplained(x: Array, side: Array, values: Array) -> float:
     """Return the part of the variance of values (N,) that is no curve over x (N,), for each direction of motion."""
-    edges = np.quantile(x, np.linspace(0, 1, BINS + 1)[1:-1])
-    index = np.searchsorted(edges, x) + BINS * (side > 0)
-    count = np.bincount(index, minlength=2 * BINS)
-    mean = np.bincount(index, values, 2 * BINS) / np.maximum(count, 1)
+    edges = np.quantile(x, np.linspace(0, 1, COORDINATE_BINS + 1)[1:-1])
+    index = np.searchsorted(edges, x) + COORDINATE_BINS * (side > 0)
+    count = np.bincount(index, minlength=2 * COORDINATE_BINS)
+    mean = np.bincount(index, values, 2 * COORDINATE_BINS) / np.maximum(count, 1)
     return float(np.var(values - mean[index]) / max(float(np.var(values)), 1e-300))
 
 
-def _rival(f: Judgement, fitted: Fitted, effect: str, place: Place) -> Explanation | None:
+def _rival(f: Verdict, fitted: FittedModel, effect: str, place: Place) -> Explanation | None:
     """Return the explanation of the best other effect in place of one; where there is none, what is left without it."""
     rest = set(fitted.effects) - {effect}
     options = [
         one
-        for one in f.witnesses.tried
+        for one in f.evidence.tried
         if rest < set(one.effects) and len(one.effects) == len(fitted.effects) and effect not in one.effects
     ]
     best = min(options, key=lambda one: one.level, default=None) or _by_force(f, rest, effect)
@@ -200,26 +204,28 @@ def _rival(f: Judgement, fitted: Fitted, effect: str, place: Place) -> Explanati
     return _explanation(f, best, other, place, *_lacking(f, best, other))
 
 
-def _by_force(f: Judgement, rest: set[str], effect: str) -> Fitted | None:
-    """Return the best other effect in place of one as the force witness fitted it, if none was worth a simulation."""
-    force = f.witnesses.force
+def _by_force(f: Verdict, rest: set[str], effect: str) -> FittedModel | None:
+    """Return the best other effect in place of one as the equation-error estimate fitted it, if none was worth a
+    simulation.
+    """
+    force = f.evidence.force
     if force is None:
         return None
     sets = [m for m in force.search.models.values() if rest < m.names and len(m.names) == len(rest) + 1]
     for m in sorted((m for m in sets if effect not in m.names), key=lambda m: m.error):
         found = f.motion.stated([n for n, _ in m.members], force.with_laws(m))
-        if found is not None and np.mean(force.written_left(found.model)) < force.search.base.error:
+        if found is not None and np.mean(force.residual_as_written(found.model)) < force.search.base.error:
             return found  # as it is written: a stiff law may be no more than its column
     return None
 
 
 def _explanation(
-    f: Judgement, fitted: Fitted, effect: str, place: Place, measured: Array, computed: Array
+    f: Verdict, fitted: FittedModel, effect: str, place: Place, measured: Array, computed: Array
 ) -> Explanation | None:
     """Return what is missing and what an effect makes of it; None where the record has too little of it."""
     if place.kept is not None:
         measured, computed = measured[place.kept], computed[place.kept]
-    sides = [place.side == s for s in np.unique(place.side) if np.count_nonzero(place.side == s) >= ENOUGH]
+    sides = [place.side == s for s in np.unique(place.side) if np.count_nonzero(place.side == s) >= MIN_SHOWN_SAMPLES]
     if not sides:
         return None
     block = max(memory(measured - computed), 2)
@@ -229,9 +235,9 @@ def _explanation(
 
 
 def _bands(place: Place, values: Array, sides: Sequence[NDArray[np.bool_]], block: int) -> tuple[Band, ...]:
-    few = [min(BINS, max(2, int(np.count_nonzero(s)) // (2 * LEAST))) for s in sides]
+    few = [min(COORDINATE_BINS, max(2, int(np.count_nonzero(s)) // (2 * MIN_BIN_SAMPLES))) for s in sides]
     rows = zip(sides, few, strict=True)
     return tuple(band(place.x[s], values[s], block, bins, place.dense) for s, bins in rows)
 
 
-__all__ = ["Evidence", "Explanation", "Place", "evidence", "nearest"]
+__all__ = ["EffectEvidence", "Explanation", "Place", "effect_evidence", "nearest"]

@@ -9,7 +9,7 @@ from signlin_ros.errors import InputError
 from signlin_ros.files import check_output, refusal, replacing, write_text
 from signlin_ros.report.page import Page, rendered
 
-SUFFIXES = (".html", ".htm")
+REPORT_SUFFIXES = (".html", ".htm")
 """Suffixes of reports."""
 VARIABLE = "evidence_*.png"
 """Pictures that not every report has: those of an earlier one at the same place would be taken for this one's."""
@@ -17,7 +17,7 @@ VARIABLE = "evidence_*.png"
 
 def check_report(path: str | Path, inputs: Mapping[Path, str]) -> None:
     """Refuse, before any work, a report that cannot be written or would replace one of the inputs (`check_output`)."""
-    check_output("--report", path, SUFFIXES, inputs)
+    check_output("--report", path, REPORT_SUFFIXES, inputs)
     folder = _pictures(Path(path))
     why = refusal(folder / "picture.png") if folder.is_dir() else "this is a file" if folder.exists() else ""
     if why:

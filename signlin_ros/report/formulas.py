@@ -18,13 +18,13 @@ from signlin_ros.par import Namespace, as_law_sees, declared_name, gathered, nom
 from signlin_ros.plotting import styled
 from signlin_ros.report.page import Formula
 
-LONGEST = 3
+MAX_WRITTEN_ELEMENTS = 3
 """Elements of a list with which a law is still written out."""
 SIZE = 13.0
 """Size of the letters in points."""
-WORDS = ("excess", "gap")
+WORD_NAMES = ("excess", "gap")
 """Names that are words and not letters."""
-OWN = {"position": "q_2", "velocity": "v_2", "temperature_rise": "Theta"}
+OWN_STATE_SYMBOLS = {"position": "q_2", "velocity": "v_2", "temperature_rise": "Theta"}
 """How own states are written, where not by their names."""
 
 
@@ -33,7 +33,7 @@ def formula(effect: str, model: Model) -> Formula:
     kind = find_effect(effect, "effects")
     text = f"{kind.name.replace('_', ' ')}: {kind.equation}"
     try:
-        lines = [] if _longest_list(kind, model) > LONGEST else list(_lines(kind, model))
+        lines = [] if _longest_list(kind, model) > MAX_WRITTEN_ELEMENTS else list(_lines(kind, model))
     except (ImportError, AttributeError, TypeError, ValueError):
         lines = []
     if not lines or any("\\theta" in line or "\\begin" in line for line in lines):
@@ -67,7 +67,7 @@ def _lines(kind: type[Effect], model: Model) -> Iterator[str]:
     elif kind.force is not Effect.force:
         yield f"{force} = {_tex(effect.force(m, x, p))}"
     for name, rate in effect.rates(m, x, p).items():
-        yield rf"\dot{{{_tex(sympy.Symbol(OWN.get(name, name)))}}} = {_tex(rate)}"
+        yield rf"\dot{{{_tex(sympy.Symbol(OWN_STATE_SYMBOLS.get(name, name)))}}} = {_tex(rate)}"
 
 
 def _tex(expression: Any) -> str:
@@ -75,7 +75,7 @@ def _tex(expression: Any) -> str:
     import sympy
 
     tidy = expression if expression.has(sympy.Max) else sympy.factor_terms(expression)
-    words = {s: rf"\mathrm{{{s.name}}}\," for s in tidy.free_symbols if s.name.isalpha() and s.name in WORDS}
+    words = {s: rf"\mathrm{{{s.name}}}\," for s in tidy.free_symbols if s.name.isalpha() and s.name in WORD_NAMES}
     return _plain_brackets(str(sympy.latex(tidy, symbol_names=words)))
 
 
@@ -95,7 +95,7 @@ def _coordinates(kind: type[Effect], model: Model) -> Namespace:
     def symbol(name: str) -> Any:
         return sympy.Symbol(name, real=True)
 
-    own = Namespace({name: symbol(OWN.get(name, name)) for name in kind.states})
+    own = Namespace({name: symbol(OWN_STATE_SYMBOLS.get(name, name)) for name in kind.states})
     known = {"velocity": "v", "position": "q", "drive_force": "F_drive", "external_force": "F_ext", "current": "i"}
     known |= {"temperature": "T"}
     symbols = {name: symbol(letter) for name, letter in known.items()}

@@ -33,7 +33,7 @@ class Items:
 
 
 @dataclass(frozen=True)
-class Table:
+class ReportTable:
     """Rows of cells under a head; columns of ``right`` are set flush right."""
 
     head: Sequence[str]
@@ -74,7 +74,7 @@ class Fold:
     blocks: Sequence[Block]
 
 
-Block = Text | Items | Table | Code | Picture | Formula | Fold
+Block = Text | Items | ReportTable | Code | Picture | Formula | Fold
 
 
 @dataclass(frozen=True)
@@ -150,7 +150,7 @@ def _(block: Items, pictures: dict[str, bytes]) -> str:
 
 
 @_block.register
-def _(block: Table, pictures: dict[str, bytes]) -> str:
+def _(block: ReportTable, pictures: dict[str, bytes]) -> str:
     def row(cells: Sequence[str], tag: str) -> str:
         places = (f'<{tag} class="r">' if i in block.right else f"<{tag}>" for i in range(len(cells)))
         return "<tr>" + "".join(f"{p}{html.escape(c)}</{tag}>" for p, c in zip(places, cells, strict=True)) + "</tr>"
@@ -253,4 +253,4 @@ footer { margin-top: 2.5rem; color: var(--soft); font-size: .85rem; }
 """.strip()
 
 
-__all__ = ["Block", "Code", "Fold", "Formula", "Items", "Page", "Picture", "Section", "Table", "Text", "rendered"]
+__all__ = ["Block", "Code", "Fold", "Formula", "Items", "Page", "Picture", "ReportTable", "Section", "Text", "rendered"]

@@ -18,20 +18,26 @@ from signlin_ros.console import per_second
 from signlin_ros.diagnosis.comparison import Comparison, Traces
 from signlin_ros.errors import InputError
 from signlin_ros.noise import Noise
-from signlin_ros.plotting import EXACT, JACOBIAN, MIDPOINT, SEQUENCE, START, legend_above, shade, styled
+from signlin_ros.plotting import EXACT_COLOUR, JACOBIAN, MIDPOINT, SEQUENCE, START_COLOUR, legend_above, shade, styled
 from signlin_ros.report import curves
 
 Array = NDArray[np.float64]
 
-MEASURED, FREE, WINDOWED, LACKING, NOISE = EXACT, START, MIDPOINT, JACOBIAN, "#666666"
+SIGNAL_COLOUR, FREE_RUN_COLOUR, WINDOWED, LACKING, SENSOR_NOISE_COLOUR = (
+    EXACT_COLOUR,
+    START_COLOUR,
+    MIDPOINT,
+    JACOBIAN,
+    "#666666",
+)
 LEAST_IN_MAP = 3
 """A field of the map with fewer samples stays empty."""
-POINTS = 4000
+MAX_DRAWN_POINTS = 4000
 """At most so many dots or line segments are drawn of a signal."""
 SEGMENT = 1024
-LARGE = 1.5
+SHADED_OVER_RMS = 1.5
 """Where no region stands out, stretches are shaded whose error is so many times its RMS."""
-ZOOM = 0.12
+ENLARGED_PART = 0.12
 """The part of a stretch shown enlarged, around where the prediction is worst."""
 
 
@@ -62,12 +68,12 @@ def measured_and_simulated(comparison: Comparison, stretch: int | None = None) -
 
 def _channel(ax: Any, trace: Traces, j: int, part: slice, failing: Array, label: str) -> None:
     t = trace.t[part]
-    every = max(1, t.size // POINTS)
+    every = max(1, t.size // MAX_DRAWN_POINTS)
     y = trace.measured[part, j]
     size = float(np.nanmax(np.abs(y), initial=0.0)) or 1.0
     free = np.where(np.abs(trace.free[part, j]) < 3 * size, trace.free[part, j], np.nan)
-    ax.plot(t[::every], y[::every], color=MEASURED, lw=1.8, label="measured")
-    ax.plot(t[::every], free[::every], color=FREE, lw=0.9, label="free run")
+    ax.plot(t[::every], y[::every], color=SIGNAL_COLOUR, lw=1.8, label="measured")
+    ax.plot(t[::every], free[::every], color=FREE_RUN_COLOUR, lw=0.9, label="free run")
     ax.plot(t[::every], trace.windowed[part, j][::every], color=WINDOWED, lw=0.9, label="predicted over windows")
     if failing.any():
         shade(ax, t, failing[part], label)
@@ -86,7 +92,7 @@ def _worst_stretch(comparison: Comparison) -> int:
 
 def _worst_span(comparison: Comparison, trace: Traces) -> tuple[int, int]:
     """Return the first and last sample of the part of a stretch with the largest error."""
-    count = max(int(ZOOM * trace.t.size), 2)
+    count = max(int(ENLARGED_PART * trace.t.size), 2)
     sums = np.convolve(_windowed_error(comparison, trace), np.ones(count), mode="valid")
     first = int(np.argmax(sums))
     return first, first + count
@@ -100,7 +106,7 @@ def _failing(comparison: Comparison, k: int) -> tuple[Array, str]:
     error = _windowed_error(comparison, comparison.traces[k])
     count = max(1, int(comparison.horizon / np.median(np.diff(comparison.traces[k].t))))
     smooth = uniform_filter1d(error, count, mode="nearest")
-    return np.asarray(smooth > LARGE**2 * error.mean()), f"error over {LARGE:g} times its RMS"
+    return np.asarray(smooth > SHADED_OVER_RMS**2 * error.mean()), f"error over {SHADED_OVER_RMS:g} times its RMS"
 
 
 # -------------------------------------------------------------------- what is missing
@@ -143,12 +149,19 @@ def missing_over_time(comparison: Comparison, stretch: int | None = None) -> Any
     lacking = _main(comparison)
     k = _worst_stretch(comparison) if stretch is None else stretch
     t, values = comparison.traces[k].t, lacking.values[k]
-    every = max(1, t.size // POINTS)
+    every = max(1, t.size // MAX_DRAWN_POINTS)
     with styled(9.5, 2.6) as figure:
         ax = figure.subplots()
-        ax.axhspan(-2 * lacking.noise, 2 * lacking.noise, color=NOISE, alpha=0.2, lw=0, label="noise, ± 2 deviations")
+        ax.axhspan(
+            -2 * lacking.noise,
+            2 * lacking.noise,
+            color=SENSOR_NOISE_COLOUR,
+            alpha=0.2,
+            lw=0,
+            label="noise, ± 2 deviations",
+        )
         ax.plot(t[::every], values[::every], color=LACKING, lw=0.9, label="what is missing")
-        ax.axhline(0.0, color=NOISE, lw=0.7)
+        ax.axhline(0.0, color=SENSOR_NOISE_COLOUR, lw=0.7)
         ax.set_xlim(t[0], t[-1])
         ax.set_xlabel("time [s]")
         ax.set_ylabel(f"missing {lacking.name} [{lacking.unit}]")
@@ -157,13 +170,13 @@ def missing_over_time(comparison: Comparison, stretch: int | None = None) -> Any
 
 
 def _scatter_and_band(ax: Any, x: Array, values: Array, block: int, dense: bool) -> None:
-    every = max(1, x.size // POINTS)
+    every = max(1, x.size // MAX_DRAWN_POINTS)
     found = curves.band(x, values, block, dense_at_zero=dense)
     ax.plot(x[::every], values[::every], ".", color="#BBBBBB", ms=1.5, zorder=1, label="samples", rasterized=True)
     low, high = found.mean - found.two_errors, found.mean + found.two_errors
     ax.fill_between(found.at, low, high, color=LACKING, alpha=0.35, lw=0, label="mean ± 2 standard errors")
     ax.plot(found.at, found.mean, color=LACKING, lw=1.4)
-    ax.axhline(0.0, color=NOISE, lw=0.7)
+    ax.axhline(0.0, color=SENSOR_NOISE_COLOUR, lw=0.7)
     span = np.quantile(values, [0.003, 0.997])
     margin = 0.25 * float(np.ptp(span)) or 1.0
     ax.set_ylim(span[0] - margin, span[1] + margin)
@@ -237,13 +250,20 @@ def hysteresis_loop(comparison: Comparison, stretch: int = 0) -> Any:
     force, computed = curves.internal_force(comparison, stretch)
     trace = comparison.traces[stretch]
     names = [n for n in (model.plant.position, model.plant.velocity) if n in (*model.states, *model.inputs)]
-    every = max(1, trace.t.size // POINTS)
+    every = max(1, trace.t.size // MAX_DRAWN_POINTS)
     with styled(3.6 * len(names) + 0.6, 3.5) as figure:
         for ax, name in zip(figure.subplots(1, len(names), sharey=True, squeeze=False)[0], names, strict=True):
             source, values = (model.states, trace.states) if name in model.states else (model.inputs, trace.u)
             x = values[:, source.index(name)]
-            ax.plot(x[::every], force[::every], color=MEASURED, lw=0.7, alpha=0.8, label="from the measurements")
-            ax.plot(x[::every], computed[::every], color=FREE, lw=0.7, alpha=0.8, label="model at the same motion")
+            ax.plot(x[::every], force[::every], color=SIGNAL_COLOUR, lw=0.7, alpha=0.8, label="from the measurements")
+            ax.plot(
+                x[::every],
+                computed[::every],
+                color=FREE_RUN_COLOUR,
+                lw=0.7,
+                alpha=0.8,
+                label="model at the same motion",
+            )
             ax.set_xlabel(f"{name} [{_unit(comparison, name)}]")
         figure.axes[0].set_ylabel(f"resisting {lacking.name} [{lacking.unit}]")
         span = np.quantile(np.concatenate([force, computed]), [0.001, 0.999])
@@ -265,13 +285,20 @@ def spectrum(comparison: Comparison) -> Any:
         grid = figure.subplots(1, len(comparison.channels), squeeze=False)[0]
         for j, (ax, (name, channel)) in enumerate(zip(grid, comparison.channels.items(), strict=True)):
             y, left = trace.measured[:, j], trace.residual[:, j]
-            for values, color, label in ((y, MEASURED, "measured"), (left, WINDOWED, "residual")):
+            for values, color, label in ((y, SIGNAL_COLOUR, "measured"), (left, WINDOWED, "residual")):
                 there = values[np.isfinite(values)]
                 if there.size > 1:
                     f, power = welch(there, rate, nperseg=min(there.size, SEGMENT))
                     ax.loglog(f[1:], np.sqrt(power[1:]), color=color, lw=1.0, label=label)
             f = np.geomspace(2 * rate / min(y.size, SEGMENT), rate / 2, 100)
-            ax.loglog(f, np.sqrt(_noise_density(channel.noise, f, rate)), color=NOISE, ls="--", lw=1.2, label="noise")
+            ax.loglog(
+                f,
+                np.sqrt(_noise_density(channel.noise, f, rate)),
+                color=SENSOR_NOISE_COLOUR,
+                ls="--",
+                lw=1.2,
+                label="noise",
+            )
             ax.set_title(name)
             ax.set_xlabel("frequency [Hz]")
             ax.set_ylabel(f"[{channel.unit}/√Hz]")
@@ -299,7 +326,7 @@ def ladder(steps: Sequence[tuple[str, float, float | None]], floor: float, quant
         ax.barh(rows + 0.18 * seen.any(), estimation, 0.36, color=SEQUENCE[0], label="data of the fit")
         if seen.any():
             ax.barh(rows - 0.18, validation, 0.36, color=MIDPOINT, label="data that the fit never saw")
-        ax.axvline(floor, color=NOISE, ls="--", lw=1.2, label="noise")
+        ax.axvline(floor, color=SENSOR_NOISE_COLOUR, ls="--", lw=1.2, label="noise")
         for row, (_, first, second) in zip(rows, steps, strict=True):
             shown = first if second is None else second
             ax.text(shown, row - 0.18 * (second is not None), f" {shown:.3g}", va="center", fontsize=8)

@@ -13,10 +13,10 @@ from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
 
-TURN = 2.0 * np.pi
-SAMPLES = 20_000
+FULL_TURN = 2.0 * np.pi
+MAX_SPECTRUM_SAMPLES = 20_000
 """So many samples tell a spectrum."""
-ORDERS, MOST = 12, 60
+MIN_SHOWN_ORDERS, MAX_SHOWN_ORDERS = 12, 60
 """A spectrum shows at least, and at most, so many orders."""
 TURNS = 2.0
 """A spectrum by order takes so many turns."""
@@ -55,15 +55,15 @@ def waves_of(model: Model, effect: str) -> list[Wave]:
 
 def folded(position: Array, order: float) -> Array:
     """Return the position (N,) within one period of an order, from 0 on."""
-    return np.asarray(np.mod(position, TURN / order), dtype=np.float64)
+    return np.asarray(np.mod(position, FULL_TURN / order), dtype=np.float64)
 
 
 def spectrum(position: Array, missing: Array, left: Array, waves: Sequence[Wave]) -> Spectrum | None:
     """Return the amplitudes of two forces (N,) by order over the position (N,) in rad; None for less than two turns."""
-    if float(np.ptp(position)) < TURNS * TURN:
+    if float(np.ptp(position)) < TURNS * FULL_TURN:
         return None
-    most = int(np.clip(2 * max(w.order for w in waves), ORDERS, MOST))
-    every = slice(None, None, max(1, position.size // SAMPLES))
+    most = int(np.clip(2 * max(w.order for w in waves), MIN_SHOWN_ORDERS, MAX_SHOWN_ORDERS))
+    every = slice(None, None, max(1, position.size // MAX_SPECTRUM_SAMPLES))
     orders = np.arange(1.0, most + 1)
     angle = np.outer(position[every], orders)
     columns = np.concatenate([np.cos(angle), np.sin(angle), np.ones((angle.shape[0], 1))], axis=1)
@@ -75,7 +75,7 @@ def spectrum(position: Array, missing: Array, left: Array, waves: Sequence[Wave]
 
 def said(waves: Sequence[Wave], rotary: bool, unit: str, most: int = 3) -> str:
     """Return waves in words: ``12 per turn, 0.0045 N·m; 24 per turn, 0.001 N·m``; on a slide ``every 0.0125 m``."""
-    places = [f"{w.order:.4g} per turn" if rotary else f"every {TURN / w.order:.3g} m" for w in waves[:most]]
+    places = [f"{w.order:.4g} per turn" if rotary else f"every {FULL_TURN / w.order:.3g} m" for w in waves[:most]]
     told = [f"{place}, {w.amplitude:.2g} {unit}" for place, w in zip(places, waves, strict=False)]
     return "; ".join(told) + (f"; and {len(waves) - most} weaker" if len(waves) > most else "")
 

@@ -25,7 +25,7 @@ def transforms(joint: Joint, q: Array) -> tuple[Array, Array]:
     return joint.R @ (np.eye(3) + sin * K + one_minus_cos * (K @ K)), np.broadcast_to(joint.p, (q.size, 3))
 
 
-class Motion:
+class JointMotion:
     """How bodies move at T samples: angular velocity and acceleration, acceleration of the origin, (T, 3) each."""
 
     def __init__(self, robot: Robot, q: Array, v: Array, a: Array) -> None:
@@ -63,7 +63,7 @@ def inverse_dynamics(robot: Robot, q: Array, v: Array, a: Array, pi: Array | Non
 
     q, v, a : (T, n) in rad, rad/s, rad/s² (m for prismatic joints). pi : (10 n,), the robot's own by default.
     """
-    motion = Motion(robot, q, v, a)
+    motion = JointMotion(robot, q, v, a)
     bodies = (robot.pi if pi is None else np.asarray(pi, dtype=float)).reshape(-1, TEN)
     forces, moments = [], []
     for i, body in enumerate(bodies):
@@ -93,7 +93,7 @@ def mass_matrix(robot: Robot, q: Array, pi: Array | None = None) -> Array:
 
 def regressor(robot: Robot, q: Array, v: Array, a: Array) -> Array:
     """Return Y (T, n, 10 n) with M(q) a + bias(q, v) = Y pi."""
-    motion, n = Motion(robot, q, v, a), robot.n
+    motion, n = JointMotion(robot, q, v, a), robot.n
     Y = np.zeros((len(q), n, TEN * n))
     for k in range(n):
         W = _wrench(*motion.bodies[k])
@@ -144,4 +144,4 @@ def _dots(v: Array) -> Array:
     return found
 
 
-__all__ = ["Motion", "inverse_dynamics", "mass_matrix", "regressor", "transforms"]
+__all__ = ["JointMotion", "inverse_dynamics", "mass_matrix", "regressor", "transforms"]

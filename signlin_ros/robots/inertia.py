@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
-NAMES = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
+INERTIAL_NAMES = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
 """The ten parameters of a body, in order."""
-UNITS = ("kg", *["kg·m"] * 3, *["kg·m²"] * 6)
+INERTIAL_UNITS = ("kg", *["kg·m"] * 3, *["kg·m²"] * 6)
 """Their units."""
-TEN = len(NAMES)
+TEN = len(INERTIAL_NAMES)
 _SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 
 
@@ -66,9 +66,9 @@ def least_eigenvalue(pi: Array) -> float:
 
 
 __all__ = [
-    "NAMES",
+    "INERTIAL_NAMES",
+    "INERTIAL_UNITS",
     "TEN",
-    "UNITS",
     "about_centre",
     "from_pseudo_inertia",
     "inertia_matrix",

@@ -19,9 +19,9 @@ from signlin_ros.errors import ModelError, choices, suggest
 from signlin_ros.robots.inertia import TEN, about_centre, least_eigenvalue, moved, skew
 
 Array = NDArray[np.float64]
-MOVING = ("revolute", "continuous", "prismatic")
+MOVING_JOINTS = ("revolute", "continuous", "prismatic")
 """Types of joints that have one degree of freedom."""
-EXACT = 1e-13
+ROTATION_TOLERANCE = 1e-13
 """How far an entry of a rotation may be from a whole number, by rounding."""
 INCONSISTENT = 1e-9
 """Part of the largest eigenvalue by which a pseudo-inertia may be negative, by rounding."""
@@ -135,9 +135,9 @@ def rotation(rpy: Array) -> Array:
 
 
 def exact(a: Array) -> Array:
-    """Return an array whose entries that are within `EXACT` of a whole number are that number."""
+    """Return an array whose entries that are within `ROTATION_TOLERANCE` of a whole number are that number."""
     near = np.round(a)
-    return np.asarray(np.where(np.abs(a - near) < EXACT, near, a) + 0.0)
+    return np.asarray(np.where(np.abs(a - near) < ROTATION_TOLERANCE, near, a) + 0.0)
 
 
 def read_urdf(
@@ -192,7 +192,7 @@ class _Reader:
         self.below: dict[str, list[ET.Element]] = {}
         for element in self.elements:
             self.below.setdefault(_end(element, "parent", source), []).append(element)
-        can = {str(e.get("name")): e for e in self.elements if e.get("type") in MOVING}
+        can = {str(e.get("name")): e for e in self.elements if e.get("type") in MOVING_JOINTS}
         free = [n for n, e in can.items() if e.find("mimic") is None and n not in locked]
         self.moving = list(free if joints is None else joints)
         for name in (*self.moving, *locked):
@@ -294,7 +294,7 @@ def _axis(element: ET.Element, source: str = "") -> Array:
 
 def _locked(element: ET.Element, position: float) -> tuple[Array, Array]:
     """Return rotation and translation of a joint that is locked at a position."""
-    if position == 0.0 or element.get("type") not in MOVING:
+    if position == 0.0 or element.get("type") not in MOVING_JOINTS:
         return np.eye(3), np.zeros(3)
     axis = _axis(element)
     if element.get("type") == "prismatic":
@@ -344,4 +344,4 @@ def _body(link: ET.Element, source: str) -> Array:
     return about_centre(float(_numbers(mass.get("value"), 1)[0]), xyz, R @ own @ R.T)
 
 
-__all__ = ["EXACT", "MOVING", "Joint", "Robot", "exact", "read_urdf", "rotation"]
+__all__ = ["MOVING_JOINTS", "ROTATION_TOLERANCE", "Joint", "Robot", "exact", "read_urdf", "rotation"]

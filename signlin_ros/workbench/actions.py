@@ -14,9 +14,9 @@ from signlin_ros.workbench.formats import FILES
 from signlin_ros.workbench.session import Session
 
 Args = dict[str, Any]
-OVER = ("speed", "position", "load")
+CURVE_COORDINATES = ("speed", "position", "load")
 """What a curve can be learned over."""
-LONGEST = 10_000
+MAX_FORMULA_CHARACTERS = 10_000
 """Characters of a formula."""
 
 
@@ -76,16 +76,16 @@ async def map_signal(s: Session, args: Args) -> None:
     signal, table = str(args.get("signal")), columns.of(s, str(args.get("file") or ""))
     if table is None:
         raise InputError("no such record")
-    if signal not in {columns.TIME, *(row["signal"] for row in table["rows"])}:
+    if signal not in {columns.TIME_COLUMN, *(row["signal"] for row in table["rows"])}:
         raise InputError(f"no such signal: {signal!r}")
     said: str | None = str(args.get("column") or "")
     if "formula" in args:
         said = str(args["formula"]).strip() or None
     elif said:
         said = _specification(said, str(args.get("unit") or ""), float(args.get("factor") or 1.0))
-    if said and len(said) > LONGEST:
-        raise InputError(f"a formula of {len(said):,} characters; allowed: {LONGEST:,}")
-    if signal == columns.TIME and not table["fault"]:  # what can be read stays readable
+    if said and len(said) > MAX_FORMULA_CHARACTERS:
+        raise InputError(f"a formula of {len(said):,} characters; allowed: {MAX_FORMULA_CHARACTERS:,}")
+    if signal == columns.TIME_COLUMN and not table["fault"]:  # what can be read stays readable
         job = functools.partial(s.look_or_back, table["files"][0])
         s.change(f"time = {said or 'as it was read'}", "record", "reading", job, **_said(s, table, {signal: said}))
         return
@@ -197,8 +197,8 @@ async def learn(s: Session, args: Args) -> None:
     """Learn what is missing as a curve over the speed, the position or the load."""
     _possible(s, "add")
     over = str(args.get("over"))
-    if over not in OVER:
-        raise InputError(f"no such coordinate: {over!r}; there are: {', '.join(OVER)}")
+    if over not in CURVE_COORDINATES:
+        raise InputError(f"no such coordinate: {over!r}; there are: {', '.join(CURVE_COORDINATES)}")
     s.start("add", f"learning a curve over the {over}", lambda: s.learn(over))
 
 

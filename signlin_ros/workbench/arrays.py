@@ -14,7 +14,7 @@ from signlin_ros.errors import MissingExtraError
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-MOST = 5000
+MAX_CURVE_POINTS = 5000
 """No curve that is sent has more points."""
 HOLES = 200
 """So many holes of a curve are kept as holes when it is thinned."""
@@ -32,12 +32,12 @@ def window(t: Array, first: float | None, last: float | None) -> slice:
     return slice(low, max(high, low + 1))
 
 
-def thinned(t: Array, curves: Sequence[Array], points: int = MOST) -> Indices:
+def thinned(t: Array, curves: Sequence[Array], points: int = MAX_CURVE_POINTS) -> Indices:
     """Return the samples to draw, the same for all curves (T,) of a picture: at most ``points``, peaks and holes kept.
 
     Largest triangles among the extremes of every bin [Van Der Donckt et al., MinMaxLTTB, IEEE VIS 2023].
     """
-    most = min(points, MOST)
+    most = min(points, MAX_CURVE_POINTS)
     if t.size <= most:
         return np.arange(t.size)
     holes = np.unique(np.concatenate([_holes(y) for y in curves]))
@@ -66,7 +66,9 @@ def _holes(y: Array) -> Indices:
     return np.asarray(begins[:HOLES], dtype=np.intp)
 
 
-def picture(t: Array, curves: dict[str, Array], span: Sequence[float | None], points: int = MOST) -> dict[str, Any]:
+def picture(
+    t: Array, curves: dict[str, Array], span: Sequence[float | None], points: int = MAX_CURVE_POINTS
+) -> dict[str, Any]:
     """Return t and curves (T,) by name between two times as the page takes them, thinned together."""
     part = window(t, *span)
     inside = {name: np.asarray(y[part], dtype=float) for name, y in curves.items()}
@@ -74,4 +76,4 @@ def picture(t: Array, curves: dict[str, Array], span: Sequence[float | None], po
     return {"t": encoded(t[part][at]), "curves": {name: encoded(y[at]) for name, y in inside.items()}}
 
 
-__all__ = ["MOST", "encoded", "picture", "thinned", "window"]
+__all__ = ["MAX_CURVE_POINTS", "encoded", "picture", "thinned", "window"]

@@ -168,14 +168,14 @@ def _lost(result: Any, first: Any) -> list[dict[str, Any]]:
     """Return the channels that the model does not follow as given: fits (%) over windows as given, and refitted; and
     whether the refitted one follows (None: there is none).
     """
-    from signlin_ros.comparison.scores import FLOOR
+    from signlin_ros.comparison.scores import MIN_FIT_PERCENT
     from signlin_ros.diagnosis.comparison import lost
 
     found = []
     for name in lost(result.channels):
-        refitted = (first["refitted"]["validation"].get(name) or {}).get("fit_percent") if first else None
-        follows = None if refitted is None else refitted >= FLOOR
-        found.append({"name": name, "given": result.channels[name].windowed.fit_percent, "refitted": refitted})
+        refitted_evidence = (first["refitted"]["validation"].get(name) or {}).get("fit_percent") if first else None
+        follows = None if refitted_evidence is None else refitted_evidence >= MIN_FIT_PERCENT
+        found.append({"name": name, "given": result.channels[name].windowed.fit_percent, "refitted": refitted_evidence})
         found[-1]["follows"] = follows
     return found
 
@@ -330,9 +330,9 @@ def tune(args: Args, say: Say) -> Answer:
 
 
 @lru_cache(maxsize=2)
-def _bench(model: str, file: str, signals: Any, cures: Any, stamps: Any) -> tuning.Bench:
+def _bench(model: str, file: str, signals: Any, cures: Any, stamps: Any) -> tuning.TuningBench:
     loaded, (record,), _ = _loaded({"model": model, "signals": dict(signals), "cures": cures}, [file])
-    return tuning.Bench(loaded, record)
+    return tuning.TuningBench(loaded, record)
 
 
 def learn(args: Args, say: Say) -> Answer:
@@ -364,14 +364,14 @@ def refit(args: Args, say: Say) -> Answer:
 
     They are freer than those of the refitted rows of `compare` and `diagnose`, which stay within the model's tolerance.
     """
-    from signlin_ros.diagnosis.case import case
+    from signlin_ros.diagnosis.dataset import dataset_of
+    from signlin_ros.diagnosis.evidence import refitted_evidence
     from signlin_ros.diagnosis.proposal import rounded
-    from signlin_ros.diagnosis.witnesses import refitted
 
     say({"what": "refitting", "share": 0.1})
     model, first, second, _ = _sides(args)
     original, output = opened(args["model"]), Path(args["output"])
-    found = refitted(case(model.with_options(tolerance=FREE), first, second)).base
+    found = refitted_evidence(dataset_of(model.with_options(tolerance=FREE), first, second)).base
     kept = {"with_position": original.with_position, "tolerance": original.tolerance}
     new = rounded(found.model, found.parameters).with_options(**kept)
     new.placed_in(output.parent).save(output)
@@ -398,7 +398,7 @@ def sample(args: Args, say: Say) -> Answer:
     return {"files": [str(file) for file in write_sample(Path(args["folder"]))]}
 
 
-VERBS: dict[str, Callable[[Args, Say], Answer]] = {
+WORKER_CALLS: dict[str, Callable[[Args, Say], Answer]] = {
     f.__name__: f
     for f in (
         *(
@@ -423,4 +423,4 @@ VERBS: dict[str, Callable[[Args, Say], Answer]] = {
 """What a worker process can be asked for."""
 
 
-__all__ = ["VERBS", "CodeError", "InputError"]
+__all__ = ["WORKER_CALLS", "CodeError", "InputError"]

@@ -18,10 +18,10 @@ from signlin_ros.apart import together
 if TYPE_CHECKING:
     from signlin_ros.workbench.session import Session
 
-TIME = "t"
-BY_ROW = "1.0"
+TIME_COLUMN = "t"
+ROW_TIME = "1.0"
 """As `looking.BY_ROW`."""
-MOST = 100
+MAX_LISTED_COLUMNS = 100
 """Columns that lists offer."""
 Entry = dict[str, Any]
 Table = dict[str, Any]
@@ -29,7 +29,7 @@ Table = dict[str, Any]
 
 def asked_of(s: Session, record: Entry) -> dict[str, Any]:
     """Return what is asked about the columns of a record."""
-    time = record.get("signals", {}).get(TIME)
+    time = record.get("signals", {}).get(TIME_COLUMN)
     return {"file": s.project.path(record["file"]), **({"time": time} if time else {})}
 
 
@@ -70,8 +70,8 @@ def question(s: Session, group: Sequence[Entry], model: str | None = None) -> di
     said = group[0].get("signals", {})
     files = [s.project.path(record["file"]) for record in group]
     asked = {"model": model or s.project.path(s.project.choices["model"]), "files": files}
-    time = BY_ROW if any(fault(s, record) for record in group) else said.get(TIME) or ""
-    return {**asked, "signals": {k: v for k, v in said.items() if k != TIME}, "time": time}
+    time = ROW_TIME if any(fault(s, record) for record in group) else said.get(TIME_COLUMN) or ""
+    return {**asked, "signals": {k: v for k, v in said.items() if k != TIME_COLUMN}, "time": time}
 
 
 def tables(s: Session) -> list[Table]:
@@ -99,7 +99,7 @@ def _table(s: Session, group: Sequence[Entry], answer: Any) -> Table:
         "clock": columns["time"],
         "fault": next((text for r in group if (text := fault(s, r))), ""),
         "texts": columns["texts"],
-        "time": group[0].get("signals", {}).get(TIME, ""),
+        "time": group[0].get("signals", {}).get(TIME_COLUMN, ""),
         "alike": len(same),
         "apart": bool(group[0].get("apart")),
     }
@@ -107,10 +107,10 @@ def _table(s: Session, group: Sequence[Entry], answer: Any) -> Table:
 
 def _few(columns: list[Any], rows: Sequence[Any]) -> list[Any]:
     """Return the columns to choose from: the first ones, and those that are mapped; others are searched for."""
-    if len(columns) <= MOST:
+    if len(columns) <= MAX_LISTED_COLUMNS:
         return columns
     mapped = {row["column"] for row in rows}
-    return [c for k, c in enumerate(columns) if k < MOST or c["label"] in mapped]
+    return [c for k, c in enumerate(columns) if k < MAX_LISTED_COLUMNS or c["label"] in mapped]
 
 
 @contextlib.contextmanager
@@ -160,7 +160,7 @@ def signals(s: Session, files: Sequence[str]) -> dict[str, str]:
     found: dict[str, dict[str, str]] = {}
     for table in tables(s):
         said = {r["signal"]: r["column"] for r in table["rows"] if r["column"] and (r["set"] or r["proposed"])}
-        said |= {TIME: table["time"]} if table["time"] else {}
+        said |= {TIME_COLUMN: table["time"]} if table["time"] else {}
         found |= {s.project.path(file): said for file in table["files"]}
     return together({file: found.get(file, {}) for file in files})
 

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 Step = Mapping[str, Any]
-VERBS = ("check", "compare", "diagnose", "add")
-HEAD = """\
+COMMAND_VERBS = ("check", "compare", "diagnose", "add")
+SCRIPT_HEAD = """\
 #!/bin/sh
 # What was done in the workbench, as commands; the numbers are the same. Results go to the folder {replay}.
 set -eu
@@ -24,7 +24,7 @@ mkdir -p {replay}
 
 def command(step: Step) -> str:
     """Return the command line of a step; empty for what only the page can do."""
-    return shlex.join(_words(step)) if step["verb"] in VERBS else ""
+    return shlex.join(_words(step)) if step["verb"] in COMMAND_VERBS else ""
 
 
 def _words(step: Step) -> list[str]:
@@ -48,7 +48,7 @@ def script(folder: Path, replay: str, steps: Iterable[Step], texts: Mapping[str,
     Models that a step writes are written to the folder ``replay`` and read from there by the steps after it.
     """
     made: dict[str, str] = {}
-    lines = [HEAD.format(folder=shlex.quote(str(folder.resolve())), replay=shlex.quote(replay))]
+    lines = [SCRIPT_HEAD.format(folder=shlex.quote(str(folder.resolve())), replay=shlex.quote(replay))]
     for number, step in enumerate(steps, 1):
         if step["verb"] == "set":
             target = made[step["output"]] = f"{replay}/{Path(step['output']).name}"

@@ -6,18 +6,18 @@ from typing import Any
 
 import numpy as np
 
-from signlin_ros.diagnosis.judgement import Judgement
-from signlin_ros.diagnosis.motion import Fitted
+from signlin_ros.diagnosis.evidence import changes_effort
+from signlin_ros.diagnosis.output_error import FittedModel
 from signlin_ros.diagnosis.results import Diagnosis
-from signlin_ros.diagnosis.witnesses import changes_effort
+from signlin_ros.diagnosis.verdict import Verdict
 from signlin_ros.effects import find_effect
 from signlin_ros.recording.trace import resolve_unit
 from signlin_ros.report.curves import Band
-from signlin_ros.report.evidence import Evidence, Explanation, evidence
+from signlin_ros.report.evidence import EffectEvidence, Explanation, effect_evidence
 from signlin_ros.report.waves import said, waves_of
 from signlin_ros.workbench.arrays import encoded
 
-SHOWN = 6
+MAX_SHOWN_PARAMETERS = 6
 """Effects of more parameters are told by their values in words, or by the table of all effects."""
 DOTS = 1500
 """So many samples of what the motion lacks are shown as dots."""
@@ -26,7 +26,7 @@ DOTS = 1500
 def shown(result: Diagnosis, asked: str = "") -> dict[str, Any]:
     """Return what the page shows of the effects that were found, or asked for: pictures, values, what has no picture.
 
-    ``evidence`` by effect; ``values``: effect -> parameter -> text; ``unseen``: effect -> why there is none.
+    ``effect_evidence`` by effect; ``values``: effect -> parameter -> text; ``unseen``: effect -> why there is none.
     """
     found = pictures(result)
     named = list(dict.fromkeys([*(entry.effect for entry in result.missing), *([asked] if asked else [])]))
@@ -78,18 +78,18 @@ def pictures(result: Diagnosis) -> dict[str, Any]:
     return {name: one for name, one in found.items() if one}
 
 
-def _nearest(findings: Judgement) -> dict[str, Any]:
+def _nearest(findings: Verdict) -> dict[str, Any]:
     """Return the picture of the best single effect that has one, where none is named."""
-    for fitted in sorted(findings.witnesses.single, key=lambda f: f.level):
+    for fitted in sorted(findings.evidence.single, key=lambda f: f.level):
         picture = _shown(findings, fitted.effects[0], fitted)
         if picture is not None:
             return {fitted.effects[0]: picture}
     return {}
 
 
-def _shown(findings: Judgement, effect: str, within: Fitted | None = None) -> dict[str, Any] | None:
+def _shown(findings: Verdict, effect: str, within: FittedModel | None = None) -> dict[str, Any] | None:
     """Return one picture; None where there is nothing to show."""
-    e = evidence(findings, effect, within)
+    e = effect_evidence(findings, effect, within)
     if e is None:
         return None
     one_in = max(1, e.place.x.size // DOTS)
@@ -109,7 +109,7 @@ def _shown(findings: Judgement, effect: str, within: Fitted | None = None) -> di
     }
 
 
-def _spectrum(e: Evidence) -> dict[str, Any] | None:
+def _spectrum(e: EffectEvidence) -> dict[str, Any] | None:
     s = e.spectrum
     if s is None:
         return None
@@ -119,7 +119,9 @@ def _spectrum(e: Evidence) -> dict[str, Any] | None:
 def _explanation(x: Explanation) -> dict[str, Any]:
     return {
         "effect": x.effect,
-        "parameters": {name: str(value) for name, value in x.parameters.items()} if len(x.parameters) <= SHOWN else {},
+        "parameters": {name: str(value) for name, value in x.parameters.items()}
+        if len(x.parameters) <= MAX_SHOWN_PARAMETERS
+        else {},
         "found": [_band(b) for b in x.found],
         "curve": [_band(b) for b in x.curve],
         "left": _left(x),

@@ -5,14 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from signlin_ros.names import AS_GIVEN, REFITTED
+from signlin_ros.names import AS_GIVEN, REFITTED_ROW
 from signlin_ros.workbench import commands
 from signlin_ros.workbench.formats import FILES
 from signlin_ros.workbench.questions import asked_of, described, question, result, script, used
 from signlin_ros.workbench.stages import EXCHANGED, before, block, check, checked_first
 from signlin_ros.workbench.wording import on_page
 
-SAID = ("no model (less than", "refitted it does:")
+SAID_IN_SENTENCE = ("no model (less than", "refitted it does:")
 """Parts of notes of a comparison that its sentence says."""
 TELLING = 1000.0
 """An error is told in units of the noise up to so many."""
@@ -57,7 +57,7 @@ def _others_compared(s: Session, asked: dict[str, Any]) -> list[dict[str, str]]:
 
 def _notes(notes: list[str]) -> list[str]:
     """Return the notes of a comparison without those that the sentence replaces."""
-    return [on_page(note) for note in notes if not any(text in note for text in SAID)]
+    return [on_page(note) for note in notes if not any(text in note for text in SAID_IN_SENTENCE)]
 
 
 def _lost(channels: list[dict[str, Any]]) -> str:
@@ -151,7 +151,7 @@ def _told(content: dict[str, Any]) -> dict[str, Any]:
 
 
 def _unseen(s: Session) -> str:
-    """Return in words what the unseen data are."""
+    """Return in words what the validation data are."""
     files = [Path(file).name for file in s.project.files("validation")]
     return ", ".join(files) if files else "the last third of the record, held out"
 
@@ -166,7 +166,7 @@ def add(s: Session) -> dict[str, Any]:
     last = added[-1] if added else None
     text = "Diagnose first: it says what to add. Parameters can be moved by hand already."
     if diagnosis is not None:
-        text = "Add the effect that is missing, and watch the error on unseen data."
+        text = "Add the effect that is missing, and watch the error on validation data."
         if not offers:
             text = "Nothing is named that the model does not have. Another effect may be added all the same."
         elif not sure:
@@ -236,13 +236,13 @@ def _others(s: Session, diagnosis: Any) -> list[str]:
 
 
 def _ladder(added: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return what is left on unseen data before and after every addition: of the motion, and of the force."""
+    """Return what is left on validation data before and after every addition: of the motion, and of the force."""
     rungs = []
     for k, one in enumerate(added):
         given, ladder = one["json"]["given"], one["json"]["ladder"]
         if k == 0:
             rungs += [_shown(AS_GIVEN, given)] if given else []
-            rungs.append(_shown(REFITTED if given else AS_GIVEN, ladder[0]))
+            rungs.append(_shown(REFITTED_ROW if given else AS_GIVEN, ladder[0]))
         rungs.append(_shown(f"+ {one['step']['effect'].replace('_', ' ')}", ladder[-1]))
     return rungs
 

@@ -28,7 +28,7 @@ class FaultError(Exception):
     """Something of ours failed."""
 
 
-class CancelledError(Exception):
+class LaneCancelledError(Exception):
     """The user has cancelled it."""
 
 
@@ -59,7 +59,7 @@ class Lane:
     async def raw(self, verb: str, args: dict[str, Any], say: Say | None = None) -> bytes:
         """Return the JSON text of what a verb of `calls` answers.
 
-        Raises `RefusedError`, `FaultError`, or `CancelledError`.
+        Raises `RefusedError`, `FaultError`, or `LaneCancelledError`.
         """
         cancels = self._cancels
         async with self._lock:
@@ -67,12 +67,12 @@ class Lane:
             self._number += 1
             try:
                 if self._cancels != cancels:  # before it was its turn, or before there was a process
-                    raise CancelledError
+                    raise LaneCancelledError
                 return await self._exchange(process, {"id": self._number, "verb": verb, "args": args}, say)
             except (asyncio.IncompleteReadError, ConnectionError) as error:
                 await process.wait()
                 if self._cancels != cancels:
-                    raise CancelledError from error
+                    raise LaneCancelledError from error
                 raise FaultError(f"the worker process ended with code {process.returncode}") from error
 
     async def call(self, verb: str, args: dict[str, Any], say: Say | None = None) -> Any:
@@ -118,4 +118,4 @@ class Lane:
             await self._process.wait()
 
 
-__all__ = ["CancelledError", "FaultError", "Lane", "RefusedError"]
+__all__ = ["FaultError", "Lane", "LaneCancelledError", "RefusedError"]

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from importlib.util import find_spec
 from typing import Any
 
-MISSING = 'ROS 2 is not installed here: pip install "signlin_ros[ros]", or source the setup file of your ROS 2.'
+ROS_MISSING = 'ROS 2 is not installed here: pip install "signlin_ros[ros]", or source the setup file of your ROS 2.'
 LONGEST_LINE = 4 << 20
-WAITING = 100
+MAX_PENDING_LINES = 100
 """Lines that a slow page may be behind; older ones are lost to it."""
 
 
@@ -34,11 +34,11 @@ class Live:
     @property
     def why_not(self) -> str:
         """Why there is nothing live here; empty where there may be."""
-        return "" if find_spec("rclpy") is not None else MISSING
+        return "" if find_spec("rclpy") is not None else ROS_MISSING
 
     async def join(self) -> asyncio.Queue[str]:
         """Return where lines arrive for one page."""
-        lines: asyncio.Queue[str] = asyncio.Queue(WAITING)
+        lines: asyncio.Queue[str] = asyncio.Queue(MAX_PENDING_LINES)
         self.listeners.add(lines)
         if self._ended:  # it came while the server ends
             lines.put_nowait("")

@@ -26,7 +26,7 @@ PLOTS = 40
 """So many columns are drawn."""
 FOUND = 50
 """So many columns are told of those that were looked for."""
-ASKED = re.compile(r"say --signal '?t = ([^']+ \[\w+\])'")
+ASKED_TIME_UNIT = re.compile(r"say --signal '?t = ([^']+ \[\w+\])'")
 """What the reader would say of a time whose unit it asks for."""
 
 
@@ -51,7 +51,7 @@ def columns(args: Args, say: Say) -> Answer:
 
 def _columns(record: Record, error: str) -> Answer:
     step = float(np.median(np.diff(record.t))) if len(record) > 1 else 0.0
-    asked = (ASKED.search(note) for note in map(str, record.notes))
+    asked = (ASKED_TIME_UNIT.search(note) for note in map(str, record.notes))
     return {
         "columns": [_column(name, s) for name, s in record.signals.items()],
         "samples": len(record),
@@ -166,7 +166,7 @@ def span(args: Args) -> Sequence[float | None]:
 
 def points(args: Args) -> int:
     """Return how many points of a curve are wanted."""
-    return int(min(max(args.get("points") or arrays.MOST, 10), arrays.MOST))
+    return int(min(max(args.get("points") or arrays.MAX_CURVE_POINTS, 10), arrays.MAX_CURVE_POINTS))
 
 
 __all__ = ["BY_ROW", "columns", "points", "propose", "record_curves", "search", "span"]

@@ -31,14 +31,14 @@ VERSION = 1
 ANSWERS = 3
 """Version of what the worker answers: answers to another one are asked for anew."""
 MODELS = (".yaml", ".yml")
-RECORDS = (*TEXT, *TABLES, *BAGS, *PACKED)
+DROPPED_SUFFIXES = (*TEXT, *TABLES, *BAGS, *PACKED)
 """Suffixes of what may be dropped; what this version's readers cannot read they refuse with the reason."""
-LONGEST = 80
+MAX_NAME_LENGTH = 80
 """Characters of a file's name."""
 UNDO = 100
 """So many steps can be taken back."""
-EMPTY: dict[str, Any] = {"model": None, "records": [], "cures": [], "path": []}
-LATEST = 20
+EMPTY_PROJECT: dict[str, Any] = {"model": None, "records": [], "cures": [], "path": []}
+MAX_LISTED_PROJECTS = 20
 """So many projects are listed."""
 _ID = re.compile(r"[a-z0-9]{12}\Z")
 
@@ -51,10 +51,10 @@ def safe_name(name: str) -> str:
     last = re.split(r"[/\\]", unicodedata.normalize("NFC", name))[-1]
     plain = Path(re.sub(r"[^\w.+\-() ]", "_", last).strip(" .") or "file")
     suffix = plain.suffix.lower()
-    if suffix not in (*MODELS, *RECORDS):
-        shown = "".join(c if c.isprintable() else "?" for c in last)[:LONGEST]
-        raise InputError(f"{shown!r} is no record and no model; allowed: {', '.join((*RECORDS, *MODELS))}")
-    return (plain.stem.lstrip("-.")[:LONGEST].strip() or "file") + suffix
+    if suffix not in (*MODELS, *DROPPED_SUFFIXES):
+        shown = "".join(c if c.isprintable() else "?" for c in last)[:MAX_NAME_LENGTH]
+        raise InputError(f"{shown!r} is no record and no model; allowed: {', '.join((*DROPPED_SUFFIXES, *MODELS))}")
+    return (plain.stem.lstrip("-.")[:MAX_NAME_LENGTH].strip() or "file") + suffix
 
 
 def _claimed(file: Path) -> bool:
@@ -115,7 +115,14 @@ class Project:
         identity = secrets.token_hex(6)
         folder = store / identity
         (folder / "results").mkdir(parents=True)
-        state = {"version": VERSION, "created": time.time(), "choices": EMPTY, "past": [], "future": [], "count": 0}
+        state = {
+            "version": VERSION,
+            "created": time.time(),
+            "choices": EMPTY_PROJECT,
+            "past": [],
+            "future": [],
+            "count": 0,
+        }
         write_text(folder / "state.json", json.dumps(state))
         return cls(store, identity)
 
@@ -128,7 +135,7 @@ class Project:
     @classmethod
     def titles(cls, store: Path) -> list[dict[str, Any]]:
         """Return the latest projects: identity, what is in it, and when it was used last (s since 1970)."""
-        return [cls._title(store, identity) for identity in cls.listed(store)[:LATEST]]
+        return [cls._title(store, identity) for identity in cls.listed(store)[:MAX_LISTED_PROJECTS]]
 
     @classmethod
     def _title(cls, store: Path, identity: str) -> dict[str, Any]:
@@ -147,7 +154,7 @@ class Project:
     def rename(self, name: str) -> None:
         """Call the project something; nothing: by what is in it."""
         plain = " ".join("".join(c if c.isprintable() else " " for c in name).split())
-        self.state["name"] = plain[:LONGEST]
+        self.state["name"] = plain[:MAX_NAME_LENGTH]
         self._save()
 
     def copied(self, store: Path) -> Project:
@@ -317,4 +324,4 @@ class Project:
         return self.folder / "results" / f"{key}.npz"
 
 
-__all__ = ["EMPTY", "MODELS", "RECORDS", "STORE", "Project", "lock", "safe_name"]
+__all__ = ["DROPPED_SUFFIXES", "EMPTY_PROJECT", "MODELS", "STORE", "Project", "lock", "safe_name"]

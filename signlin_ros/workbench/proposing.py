@@ -26,7 +26,7 @@ _SPEED = ("speed", "velocity", "vel", "omega", "w", "rpm", "dq", "qd", "qdot", "
 _POSITION = ("position", "pos", "angle", "theta", "q", "phi", "enc", "encoder", "counts", "winkel", "lage")
 _MOVED = ("displacement", "position", "pos", "x", "q", "stroke", "travel", "angle", "disp", "weg", "hub", "winkel")
 _FORCE = ("force", "f", "torque", "tau", "load_cell", "effort", "thrust", "kraft", "moment", "drehmoment")
-WORDS = {
+COLUMN_WORDS = {
     "voltage": (*_VOLTAGE, "spannung", "stellgroesse", "tension"),
     "current": _CURRENT,
     "speed": (*_SPEED, "geschwindigkeit", "winkelgeschwindigkeit", "vitesse"),
@@ -59,11 +59,11 @@ DUTY, FULL = ("pwm", "duty", "tastgrad", "throttle"), (1.0, 100.0, 255.0, 1000.0
 """In the name of a column in parts of the supply, and what the whole of it may be."""
 ARDUINO = 255.0
 """The full scale of a PWM of eight bits."""
-ALIKE = 0.9
+MIN_DERIVATIVE_CORRELATION = 0.9
 """Correlation of a derivative with a column from which on one is taken for the derivative of the other."""
-STILL = 3.0
+STILL_PENALTY = 3.0
 """Points that a column loses which holds one value throughout: nothing moves in it."""
-CLEAR = 2.0
+MIN_PROPOSAL_POINTS = 2.0
 """Points below which a likeness is not proposed: a name that is part of a column's, or a unit with half a name."""
 
 
@@ -175,9 +175,12 @@ def _propose(row: dict[str, Any], records: Sequence[Record], taken: set[str]) ->
     """Put the likeliest free column into a row."""
     common = [c for c in _common(records) if c[0] not in taken]
     scored = [(*_likeness(row, label, unit), label, unit) for label, unit in common]
-    scored = [(p - STILL * (p >= CLEAR and _still(records, label)), why, label, u) for p, why, label, u in scored]
+    scored = [
+        (p - STILL_PENALTY * (p >= MIN_PROPOSAL_POINTS and _still(records, label)), why, label, u)
+        for p, why, label, u in scored
+    ]
     best = max(scored, default=None, key=lambda s: s[0])
-    if best is None or best[0] < CLEAR:
+    if best is None or best[0] < MIN_PROPOSAL_POINTS:
         return
     _, why, label, unit = best
     row.update(column=label, why=_guess(row, why, unit), proposed=True)
@@ -200,7 +203,7 @@ def _common(records: Sequence[Record]) -> list[tuple[str, str]]:
 def _likeness(row: Mapping[str, Any], label: str, unit: str) -> tuple[float, str]:
     """Return points and the reason why a column may be a signal."""
     plain, tokens = re.sub(r"[\[(].*", "", label).strip().lower(), _tokens(label)
-    words = WORDS.get(row["signal"], (row["signal"],))
+    words = COLUMN_WORDS.get(row["signal"], (row["signal"],))
     points, why = 0.0, []
     if plain in words:
         points, why = points + 3.0 - words.index(plain) / 50, [f"called {plain!r}"]
@@ -242,7 +245,7 @@ def _by_derivative(row: dict[str, Any], known: dict[str, Any], record: Record, t
     free = {n: s for n, s in record.signals.items() if (s.label or n) not in taken}
     scored = [(abs(alike(reference, s.values)), s.label or n, s.unit) for n, s in free.items()]
     best = max(scored, default=(0.0, "", ""))
-    if best[0] >= ALIKE:
+    if best[0] >= MIN_DERIVATIVE_CORRELATION:
         why = f"one is the derivative of the other (correlation {best[0]:.2f})"
         row.update(column=best[1], why=_guess(row, why, best[2]), proposed=True)
         taken.add(best[1])

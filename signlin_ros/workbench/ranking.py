@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from signlin_ros.diagnosis.force.witness import Testimony
-    from signlin_ros.diagnosis.motion import Fitted
+    from signlin_ros.diagnosis.equation_error.estimate import EquationErrorResult
+    from signlin_ros.diagnosis.output_error import FittedModel
 
-MOST = 15
+MAX_RANKED = 15
 """So many models are told."""
 
 
 class Ranking:
-    """The models that were tried, with what each leaves of unseen data; ``say`` is told of every stage and model.
+    """The models that were tried, with what each leaves of validation data; ``say`` is told of every stage and model.
 
     ``force``: what is left of the missing force, in per cent of the effort; ``error``: that of the motion over the
     noise, of the worst channel. Called from several threads.
@@ -34,12 +34,12 @@ class Ranking:
             self._now = {"what": what, "share": share}
             self._tell()
 
-    def seen(self, found: Fitted | Testimony) -> None:
-        """Tell of a model that was fitted, or of all that the force witness tried."""
-        from signlin_ros.diagnosis.force.witness import Testimony
+    def seen(self, found: FittedModel | EquationErrorResult) -> None:
+        """Tell of a model that was fitted, or of all that the equation-error estimate tried."""
+        from signlin_ros.diagnosis.equation_error.estimate import EquationErrorResult
 
         with self._turn:
-            if isinstance(found, Testimony):
+            if isinstance(found, EquationErrorResult):
                 for names, fit in found.search.models.items():
                     self._put(sorted(names), force=found.percent(fit))
             else:
@@ -52,12 +52,12 @@ class Ranking:
 
     def _tell(self) -> None:
         rows = sorted(self._rows.values(), key=_place)
-        self._say({**self._now, "found": {"tried": rows[:MOST], "count": len(rows)}})
+        self._say({**self._now, "found": {"tried": rows[:MAX_RANKED], "count": len(rows)}})
 
 
-def _worst(f: Fitted) -> float:
-    """Return the error on unseen data over the noise, of the worst channel."""
-    rms = np.sqrt(np.nanmean(f.unseen_squares, axis=0))
+def _worst(f: FittedModel) -> float:
+    """Return the error on validation data over the noise, of the worst channel."""
+    rms = np.sqrt(np.nanmean(f.validation_squares, axis=0))
     return float(np.nanmax(rms / np.maximum(f.noise, 1e-300)))
 
 
@@ -68,4 +68,4 @@ def _place(row: dict[str, Any]) -> tuple[bool, float, int, float]:
     return (True, 0.0, 0, left) if error is None else (False, round(error, 2), size, left)
 
 
-__all__ = ["MOST", "Ranking"]
+__all__ = ["MAX_RANKED", "Ranking"]

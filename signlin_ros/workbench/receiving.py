@@ -13,11 +13,11 @@ from starlette.requests import Request
 
 from signlin_ros.errors import InputError
 
-LARGEST = 512 << 20
+MAX_FILE_BYTES = 512 << 20
 """Bytes of a file that is dropped; a table of 1,000,000 rows and 8 columns has about 75 to 150 million."""
 SPARE = 256 << 20
 """Bytes that stay free on the disk."""
-LONGEST = 4 << 20
+MAX_REQUEST_BYTES = 4 << 20
 """Bytes of a request that is no file."""
 
 
@@ -26,8 +26,8 @@ async def asked(request: Request) -> dict[str, Any]:
     body = bytearray()
     async for chunk in request.stream():
         body += chunk
-        if len(body) > LONGEST:
-            raise InputError(f"a request of more than {LONGEST >> 20} MiB")
+        if len(body) > MAX_REQUEST_BYTES:
+            raise InputError(f"a request of more than {MAX_REQUEST_BYTES >> 20} MiB")
     try:
         args = json.loads(body)
     except RecursionError as error:
@@ -40,7 +40,7 @@ async def asked(request: Request) -> dict[str, Any]:
 async def received(request: Request, folder: Path, name: str) -> Path:
     """Return a new file in a folder with the body of a request; too much is refused as early as it is known."""
     stated = int(request.headers.get("content-length") or 0)
-    room = min(LARGEST, shutil.disk_usage(folder).free - SPARE)
+    room = min(MAX_FILE_BYTES, shutil.disk_usage(folder).free - SPARE)
     descriptor, made = tempfile.mkstemp(".part", ".", folder)  # nobody else has it, and no link is followed
     part, size, whole = Path(made), 0, False
     try:
@@ -62,9 +62,9 @@ async def received(request: Request, folder: Path, name: str) -> Path:
 
 
 def _too_large(name: str, room: int) -> str:
-    if room < LARGEST:
+    if room < MAX_FILE_BYTES:
         return f"{name}: the disk has no room for it"
-    return f"{name}: is too large; allowed: {LARGEST >> 20} MiB a file. Give larger ones on the command line"
+    return f"{name}: is too large; allowed: {MAX_FILE_BYTES >> 20} MiB a file. Give larger ones on the command line"
 
 
-__all__ = ["LARGEST", "asked", "received"]
+__all__ = ["MAX_FILE_BYTES", "asked", "received"]

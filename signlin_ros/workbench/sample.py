@@ -16,10 +16,10 @@ from signlin_ros.simulation import simulate
 
 Array = NDArray[np.float64]
 
-RATE, DURATION = 200.0, 16.0
-NOISE = {"current": 0.03, "speed": 0.15}
+SAMPLE_RATE, SAMPLE_DURATION = 200.0, 16.0
+SAMPLE_NOISE = {"current": 0.03, "speed": 0.15}
 """Standard deviations in A and rad/s."""
-RECORDS = {"monday": 1, "tuesday": 2}
+SAMPLE_RECORDS = {"monday": 1, "tuesday": 2}
 """Names of the records, and the seeds of input and noise."""
 
 
@@ -29,19 +29,19 @@ def write_sample(folder: Path) -> list[Path]:
     truth = known.with_effect("coulomb_friction", mu=0.033).with_effect("constant_load", F0=-0.012)
     model = folder / "my_motor.yaml"
     known.with_options(update_period=0.1).save(model)
-    files = [folder / f"{name}.csv" for name in RECORDS]
-    for file, seed in zip(files, RECORDS.values(), strict=True):
+    files = [folder / f"{name}.csv" for name in SAMPLE_RECORDS]
+    for file, seed in zip(files, SAMPLE_RECORDS.values(), strict=True):
         write_record(_measured(truth, seed), file)
     return [model, *files]
 
 
 def _measured(truth: Model, seed: int) -> Record:
     random = np.random.default_rng(seed)
-    t = np.arange(int(RATE * DURATION)) / RATE
+    t = np.arange(int(SAMPLE_RATE * SAMPLE_DURATION)) / SAMPLE_RATE
     voltage = _multisine(t, random)
     run = simulate(truth, t, voltage[:, None], np.zeros(len(truth.states)))
     signals = {"voltage": Signal(voltage, "V")}
-    for name, sigma in NOISE.items():
+    for name, sigma in SAMPLE_NOISE.items():
         signals[name] = Signal(run[name] + sigma * random.standard_normal(t.size), truth.units[name])
     return Record(t, signals, "sample")
 

@@ -25,7 +25,7 @@ from signlin_ros.errors import InputError, one_line
 from signlin_ros.workbench import columns, questions, safety
 from signlin_ros.workbench.actions import ACTIONS
 from signlin_ros.workbench.formats import FILES
-from signlin_ros.workbench.lane import CancelledError, FaultError, RefusedError
+from signlin_ros.workbench.lane import FaultError, LaneCancelledError, RefusedError
 from signlin_ros.workbench.live import Live
 from signlin_ros.workbench.project import STORE, Project, lock, safe_name
 from signlin_ros.workbench.receiving import asked, received
@@ -34,7 +34,7 @@ from signlin_ros.workbench.session import Session
 STATIC = Path(__file__).parent / "static"
 AWAKE = 3
 """Projects that keep their worker processes (some 200 MB each) while others are looked at."""
-OPEN = 8
+MAX_OPEN_PROJECTS = 8
 """So many projects are open at a time; the one not looked at for longest is closed first."""
 BEAT = 5.0
 """Seconds after which a silent stream of events says which state there is; pages that show another one ask for it."""
@@ -90,7 +90,7 @@ class Workbench:
 
     def _close_one(self) -> None:
         idle = [k for k, s in self.sessions.items() if s.busy is None and not s.listeners]
-        if len(self.sessions) >= OPEN and idle:
+        if len(self.sessions) >= MAX_OPEN_PROJECTS and idle:
             closing = asyncio.get_running_loop().create_task(self.sessions.pop(idle[0]).close())
             closing.add_done_callback(lambda _: None)
 
@@ -200,7 +200,7 @@ async def curves(request: Request) -> Response:
     return Response(await session.view.raw(verb, wanted), media_type="application/json")
 
 
-_COMPARED = {"compare": "compare_curves", "xy": "compare_xy"}
+_COMPARISON_CALLS = {"compare": "compare_curves", "xy": "compare_xy"}
 _RECORD = {"record": "record_curves", "search": "search"}
 
 
@@ -221,7 +221,7 @@ def _view_question(session: Session, what: str, args: dict[str, Any]) -> tuple[s
             also = [stores[one] for one in args.get("also") or () if one in stores]
             shown = {"channels": found["channels"], "inputs": found["inputs"], "also": also}
             more = {"x": args.get("x"), "y": args.get("y")} if what == "xy" else {}
-            return _COMPARED[what], {**wanted, **shown, **more, "store": stores[key]}
+            return _COMPARISON_CALLS[what], {**wanted, **shown, **more, "store": stores[key]}
     if what == "tune" and columns.complete(session):
         asked = questions.question(session, "compare")
         values = {str(k): float(v) for k, v in dict(args.get("values") or {}).items()}
@@ -347,7 +347,7 @@ def application(bench: Workbench, hosts: Sequence[str] = safety.LOCAL, token: st
     handlers: Any = {
         InputError: refused,
         RefusedError: refused,
-        CancelledError: refused,
+        LaneCancelledError: refused,
         FaultError: failed,
         ValueError: refused,
         TypeError: refused,

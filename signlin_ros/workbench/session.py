@@ -13,14 +13,14 @@ from signlin_ros.errors import InputError, one_line
 from signlin_ros.files import write_text
 from signlin_ros.workbench import columns, questions, stages
 from signlin_ros.workbench.formats import FILES
-from signlin_ros.workbench.lane import CancelledError, FaultError, Lane, RefusedError
+from signlin_ros.workbench.lane import FaultError, Lane, LaneCancelledError, RefusedError
 from signlin_ros.workbench.project import MODELS, Project
 from signlin_ros.workbench.shown import shown
 
 Args = dict[str, Any]
 Job = Callable[[], Coroutine[Any, Any, None]]
 FAULT = "This is a fault of signlin; please report it with the command and its files."
-WAITING = 500
+MAX_PENDING_EVENTS = 500
 """Events that a page may be behind; then it is told to look at the state anew instead."""
 GIVES_WAY = 5
 """By how much what takes long gives way to what is looked at, as `nice` counts."""
@@ -59,7 +59,7 @@ class Session:
             self._count += 1
         for listener in self.listeners:
             told = {"kind": kind, **more}
-            if listener.qsize() >= WAITING:
+            if listener.qsize() >= MAX_PENDING_EVENTS:
                 told = {"kind": "state"}
                 while not listener.empty():
                     listener.get_nowait()
@@ -87,7 +87,7 @@ class Session:
         found = self.project.result(key)
         if found is None:
             if self.busy is not None and self.busy.get("cancelled"):
-                raise CancelledError
+                raise LaneCancelledError
             store = str(self.project.array_file(key))
             found = await lane.call(verb, {**args, **more, "store": store, "key": key}, self._progress)
             self.project.keep(key, found)
@@ -131,7 +131,7 @@ class Session:
                 self.project.running({"stage": busy["stage"], "what": busy["what"]})
                 await job()
                 self.code = []
-            except CancelledError:
+            except LaneCancelledError:
                 now = self.project.step
                 kept = "Nothing was changed" if now == before else f'"{now[1]}" was done before; undo takes it back'
                 self.errors[busy["stage"]] = {"what": "Cancelled.", "do": f"{kept}; start it again when you like."}
@@ -175,7 +175,7 @@ class Session:
             self.tell()
             await self.view.call("reader", {})
             await self.work.call("ready", {})
-        except (CancelledError, RefusedError, FaultError):
+        except (LaneCancelledError, RefusedError, FaultError):
             self._awake = False
 
     async def cancel(self) -> None:

@@ -36,7 +36,7 @@ class Form:
     options: Mapping[str, Any]
 
 
-MOTOR = (
+MOTOR_FIELDS = (
     Field(("R_a",), "R", "resistance of the winding", ("Ohm", "mOhm"), 1.0),
     Field(("L_a",), "L", "its inductance; 0 where it does not matter", ("mH", "uH", "H"), 1.0),
     Field(("K_t", "K_m"), "K", "torque constant, which is the back-EMF constant", ("mN·m/A", "N·m/A", "V/krpm"), 50.0),
@@ -48,15 +48,17 @@ SLIDE = (
     Field(("k",), "stiffness", "0: a free drive", ("N/m", "N/mm"), 0.0),
     Field(("c",), "damping", "if known", ("N·s/m", "N·s/mm"), 0.1),
 )
-TURN = (
+TURNING_FIELDS = (
     Field(("m",), "inertia", "what turns", ("kg·m²", "kg·cm²", "g·cm²"), 0.01),
     Field(("k",), "stiffness", "0: a free drive", ("N·m/rad",), 0.0),
     Field(("c",), "damping", "if known", ("N·m·s/rad", "mN·m·s/rad"), 0.01),
 )
 FORMS = {
-    "motor": Form("Motor: voltage drives it", "dc_motor", MOTOR, {}),
+    "motor": Form("Motor: voltage drives it", "dc_motor", MOTOR_FIELDS, {}),
     "slide": Form("Mass, stiffness, damping: a force drives it", "mass_spring_damper", SLIDE, {"axis": "linear"}),
-    "turn": Form("Inertia, stiffness, damping: a torque drives it", "mass_spring_damper", TURN, {"axis": "rotary"}),
+    "turn": Form(
+        "Inertia, stiffness, damping: a torque drives it", "mass_spring_damper", TURNING_FIELDS, {"axis": "rotary"}
+    ),
 }
 
 

@@ -48,7 +48,7 @@ def _record_shown(s: Session, record: dict[str, str]) -> dict[str, Any]:
     known = ("columns", "texts", "samples", "start", "end", "step", "notes", "untimed", "error")
     found = {name: found[name] for name in known} if found else None
     if found:
-        found["columns"] = found["columns"][: columns.MOST]
+        found["columns"] = found["columns"][: columns.MAX_LISTED_COLUMNS]
         found["notes"] = [on_page(note) for note in found["notes"]]
     return {**record, "name": Path(record["file"]).name, "path": s.project.path(record["file"]), "found": found}
 

@@ -32,7 +32,7 @@ LOOKED_FOR = (
     "Looked for, by what the model would make of the record: other units and signs, columns mixed up, clocks; and in"
     " each column: jumps, zeros, what is clipped, dead or slow."
 )
-UNKNOWN = "A wrong column that behaves as the right one would cannot be told from it."
+UNKNOWN_COLUMN = "A wrong column that behaves as the right one would cannot be told from it."
 ADVICE = {
     "record": "Drop another file, or correct the mapping below.",
     "check": "Correct the mapping in Record, or drop another record.",
@@ -115,7 +115,7 @@ def _left_over(s: Session) -> str:
         used = " ".join(str(r["column"]) for r in table["rows"] if r["column"])
         free = [name for name in names if name not in used and name.split(" [")[0] not in used]
         lacking = [r["signal"].replace("_", " ") for r in table["rows"] if not r["column"] and not r["set"]]
-        if lacking and free and table["count"] <= columns.MOST:
+        if lacking and free and table["count"] <= columns.MAX_LISTED_COLUMNS:
             shown = ", ".join(sorted(free)[:6]) + (" ..." if len(free) > 6 else "")
             return f" Not measured, as it is mapped: {', '.join(lacking)}; columns not used: {shown}."
     return ""
@@ -204,7 +204,11 @@ def _remap(s: Session, finding: dict[str, Any], direction: dict[str, str] | None
         return None
     if finding["check"] == TIMED and not finding["cure"]:
         asked = table["clock"]["asked"]
-        return {"files": table["files"], "signals": {columns.TIME: asked}, "says": _read_as(asked)} if asked else None
+        return (
+            {"files": table["files"], "signals": {columns.TIME_COLUMN: asked}, "says": _read_as(asked)}
+            if asked
+            else None
+        )
     mixed = finding["check"] == EXCHANGED
     signals = columns.exchanged(table, finding["channel"].split(", ")) if mixed else direction
     return {"files": table["files"], "signals": signals} if signals else None
@@ -220,7 +224,7 @@ def _looked(s: Session) -> list[str]:
     """Return what a check has looked for, and what it cannot know."""
     tables = columns.tables(s)
     said = [(f"{', '.join(t['names'])}: " if len(tables) > 1 else "") + columns.said(t) for t in tables]
-    return [LOOKED_FOR, *(f"Columns as mapped. {text}." for text in said), UNKNOWN]
+    return [LOOKED_FOR, *(f"Columns as mapped. {text}." for text in said), UNKNOWN_COLUMN]
 
 
 def _whose_numbers(s: Session, findings: list[dict[str, Any]]) -> str:

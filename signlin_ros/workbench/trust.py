@@ -13,7 +13,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 LIST = "signlin/trusted_effect_files"
-_DIGEST = re.compile(r"[0-9a-f]{64}\Z")
+_DIGEST_PATTERN = re.compile(r"[0-9a-f]{64}\Z")
 
 
 def place() -> Path:
@@ -37,7 +37,7 @@ def agreed() -> frozenset[str]:
 
 def agree(digests: Iterable[str]) -> None:
     """Remember that files with these digests may be run; raises `OSError` where that cannot be written."""
-    new = [one for one in digests if _DIGEST.match(one)]
+    new = [one for one in digests if _DIGEST_PATTERN.match(one)]
     place().parent.mkdir(parents=True, exist_ok=True, mode=0o700)
     with place().open("a", encoding="ascii") as stream:
         stream.writelines(f"{one}\n" for one in new)

@@ -18,7 +18,7 @@ from signlin_ros.workbench import arrays
 
 Array = NDArray[np.float64]
 
-REACH = 3.0
+SLIDER_REACH = 3.0
 """A slider goes from a third of a value to three times it, within the declared bounds."""
 
 
@@ -34,7 +34,7 @@ def parameters(model: Model) -> list[dict[str, Any]]:
 def _parameter(name: str, par: Any, model: Model) -> dict[str, Any]:
     value = model.value(name)
     size = abs(value) if value else abs(par.nominal) or 1.0
-    low, high = (size / REACH, size * REACH) if value > 0 else (-REACH * size, REACH * size)
+    low, high = (size / SLIDER_REACH, size * SLIDER_REACH) if value > 0 else (-SLIDER_REACH * size, SLIDER_REACH * size)
     low = max(low if value else 0.0 if par.low >= 0 else low, par.low)
     bounds = {k: v if math.isfinite(v) else None for k, v in (("low", par.low), ("high", par.high))}
     return {
@@ -54,7 +54,7 @@ def changed(model: Model, values: Mapping[str, float]) -> Model:
     return model.with_parameters({name: float(value) for name, value in values.items()}) if values else model
 
 
-class Bench:
+class TuningBench:
     """A model beside one record, ready to be simulated again and again."""
 
     def __init__(self, model: Model, record: ModelData) -> None:
@@ -112,4 +112,4 @@ def _linear(model: Model, x: Array, u: Array) -> dict[str, Any]:
     }
 
 
-__all__ = ["Bench", "changed", "parameters"]
+__all__ = ["TuningBench", "changed", "parameters"]

@@ -13,9 +13,9 @@ from signlin_ros.model import Model
 from signlin_ros.model.files import find_model_file
 from signlin_ros.workbench import trust
 
-LARGEST = 1 << 20
+MAX_MODEL_BYTES = 1 << 20
 """Bytes of a model file, and of a file of effects."""
-MOST, DEEPEST = 20_000, 40
+MAX_MODEL_NODES, MAX_MODEL_DEPTH = 20_000, 40
 """Nodes of a model file, and levels."""
 
 
@@ -51,8 +51,8 @@ def _shown(file: Path) -> dict[str, str] | None:
     """Return a file of code as it is to be looked at; None where it was agreed to, or is none."""
     if not file.is_file():
         return None
-    if file.stat().st_size > LARGEST:
-        raise ModelError(f"{file.name}: {file.stat().st_size} bytes; allowed for a file of effects: {LARGEST}")
+    if file.stat().st_size > MAX_MODEL_BYTES:
+        raise ModelError(f"{file.name}: {file.stat().st_size} bytes; allowed for a file of effects: {MAX_MODEL_BYTES}")
     content = file.read_bytes()
     found = trust.digest(content)
     if found in trust.agreed():
@@ -63,8 +63,8 @@ def _shown(file: Path) -> dict[str, str] | None:
 def _checked(path: Path) -> list[str]:
     """Return the files of code that a model file names; raise `ModelError` where it is too large or uses anchors."""
     size = path.stat().st_size
-    if size > LARGEST:
-        raise ModelError(f"{path.name}: {size} bytes; allowed for a model file: {LARGEST}")
+    if size > MAX_MODEL_BYTES:
+        raise ModelError(f"{path.name}: {size} bytes; allowed for a model file: {MAX_MODEL_BYTES}")
     try:
         text = path.read_text(encoding="utf-8")
         _check_shape(text, path.name)
@@ -82,8 +82,10 @@ def _check_shape(text: str, name: str) -> None:
             raise ModelError(f"{name}: anchors and aliases are not taken by the page; write the values out")
         depth += isinstance(event, yaml.events.CollectionStartEvent)
         depth -= isinstance(event, yaml.events.CollectionEndEvent)
-        if depth > DEEPEST or count > MOST:
-            raise ModelError(f"{name}: more than {MOST} entries or {DEEPEST} levels are not a model file")
+        if depth > MAX_MODEL_DEPTH or count > MAX_MODEL_NODES:
+            raise ModelError(
+                f"{name}: more than {MAX_MODEL_NODES} entries or {MAX_MODEL_DEPTH} levels are not a model file"
+            )
 
 
 def _effect_files(tree: Any) -> Iterator[str]:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 
 TIME = "in the row time below"
-STEP = f"; choose its column {TIME}, or write there how many s are from row to row"
+STEP_HINT = f"; choose its column {TIME}, or write there how many s are from row to row"
 INSTEAD = (
-    (r"(; |, )?(name it|map one) with --signal t=.*$", STEP),
+    (r"(; |, )?(name it|map one) with --signal t=.*$", STEP_HINT),
     (r"(; |, )?(state it|or say): --signal 't = .*$", f"; choose its unit {TIME}"),
     (r"state its unit, e\.g\. .*$", f"choose its unit {TIME}"),
     (r"Then say --signal 't = .*$", f"Choose its unit {TIME}, or press the button."),

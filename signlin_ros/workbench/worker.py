@@ -21,7 +21,7 @@ from typing import Any, BinaryIO
 from signlin_ros.errors import InputError, MissingExtraError, one_line
 
 FRAME = struct.Struct(">II")
-MEMORY = 12 << 30
+MAX_WORKER_MEMORY = 12 << 30
 """Address space in bytes that a worker may take: what unpacks without end stops here."""
 
 
@@ -45,10 +45,10 @@ def read(stream: BinaryIO) -> dict[str, Any] | None:
 
 def answer(request: dict[str, Any], say: Callable[[dict[str, Any]], None]) -> tuple[dict[str, Any], bytes]:
     """Run what is asked for; return the head and the body of the answer."""
-    from signlin_ros.workbench.calls import VERBS, CodeError
+    from signlin_ros.workbench.calls import WORKER_CALLS, CodeError
 
     try:
-        result = VERBS[request["verb"]](request["args"], say)
+        result = WORKER_CALLS[request["verb"]](request["args"], say)
         return {"kind": "result"}, json.dumps(result).encode()
     except CodeError as error:
         return {"kind": "refused", "what": one_line(error), "files": error.files}, b""
@@ -99,7 +99,7 @@ def main() -> None:
     os.nice(int(sys.argv[1]))
     incoming, outgoing = _own_streams()
     put = _writer(outgoing)
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, resource.RLIM_INFINITY))
+    resource.setrlimit(resource.RLIMIT_AS, (MAX_WORKER_MEMORY, resource.RLIM_INFINITY))
     warnings.simplefilter("ignore")
     arriving = _requests(incoming)
     while True:

@@ -1,4 +1,4 @@
-"""The rule by which two witnesses agree, and the verdict that follows, on made-up witnesses whose numbers are known."""
+"""The rule by which two estimates agree, and the verdict that follows, on made-up estimates whose numbers are known."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ import numpy as np
 import pytest
 
 from signlin_ros.console.comparison import _named
-from signlin_ros.diagnosis import agreement, every, judgement, told, words
-from signlin_ros.diagnosis.agreement import agree
-from signlin_ros.diagnosis.case import Case
-from signlin_ros.diagnosis.criteria import DEFAULT
-from signlin_ros.diagnosis.family import Choice
-from signlin_ros.diagnosis.force.flexible import Curve
-from signlin_ros.diagnosis.judgement import REASONS, Judgement
-from signlin_ros.diagnosis.motion import Fitted
-from signlin_ros.diagnosis.motion.score import elsewhere, gain, told_change
-from signlin_ros.diagnosis.witnesses import Witnesses
+from signlin_ros.diagnosis import messages, selection, single_laws, summary, verdict
+from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA
+from signlin_ros.diagnosis.dataset import Dataset
+from signlin_ros.diagnosis.equation_error.flexible import Curve
+from signlin_ros.diagnosis.evidence import Evidence
+from signlin_ros.diagnosis.family import FamilyChoice
+from signlin_ros.diagnosis.output_error import FittedModel
+from signlin_ros.diagnosis.output_error.score import elsewhere, gain, told_change
+from signlin_ros.diagnosis.selection import select_model
+from signlin_ros.diagnosis.verdict import REASONS, Verdict
 
 BLOCKS, NOISE, EFFORT, SPREAD = 40, 0.1, 10.0, 9.0
 
@@ -37,7 +37,8 @@ def around(level: float, seed: int) -> np.ndarray:
 
 @dataclass(eq=False)
 class Fit:
-    """A fit of the motion witness: ``rms`` of its error on unseen data by channel, ``force`` that it leaves."""
+    """A fit of the output-error estimate: ``rms`` of its error on validation data by channel, ``force`` that it
+    leaves."""
 
     effects: tuple[str, ...]
     rms: tuple[float, ...]
@@ -49,7 +50,7 @@ class Fit:
     known: tuple[float, ...] = ()
     tested: bool = True
     residual: float = 0.0
-    unreal: tuple[str, ...] = ()
+    implausible: tuple[str, ...] = ()
     parameters: int = 0
 
     @property
@@ -58,7 +59,7 @@ class Fit:
 
     @cached_property
     def level(self) -> float:
-        return float(np.sum(np.log(np.mean(self.unseen_squares, axis=0))))
+        return float(np.sum(np.log(np.mean(self.validation_squares, axis=0))))
 
     @property
     def model(self) -> Any:
@@ -69,11 +70,13 @@ class Fit:
         return [SimpleNamespace(over_noise=self.residual) for _ in self.rms]
 
     @property
-    def known_squares(self) -> np.ndarray:
-        return np.column_stack([around(r, k) for k, r in enumerate(self.known)]) if self.known else self.unseen_squares
+    def training_squares(self) -> np.ndarray:
+        return (
+            np.column_stack([around(r, k) for k, r in enumerate(self.known)]) if self.known else self.validation_squares
+        )
 
     @property
-    def unseen_squares(self) -> np.ndarray:
+    def validation_squares(self) -> np.ndarray:
         return np.column_stack([around(r, 7 * len(self.effects) + k) for k, r in enumerate(self.rms)])
 
     @property
@@ -82,7 +85,7 @@ class Fit:
 
     @property
     def errors(self) -> np.ndarray:
-        return np.sqrt(self.unseen_squares.mean(axis=0))
+        return np.sqrt(self.validation_squares.mean(axis=0))
 
     @property
     def noise(self) -> np.ndarray:
@@ -100,13 +103,13 @@ class Fit:
         return {n: x for n, x in self.away.items() if abs(x) > criteria.far}
 
     def near(self, times: float) -> bool:
-        return Fitted.near(self, times)
+        return FittedModel.near(self, times)
 
 
 class Motion:
-    """A motion witness with a table of fits."""
+    """A output-error estimate with a table of fits."""
 
-    criteria = DEFAULT
+    criteria = DEFAULT_CRITERIA
 
     def __init__(self, base: Fit, given: Fit | None = None, imposed: bool = False) -> None:
         self.searched: dict[Any, Any] = {}
@@ -141,7 +144,7 @@ class Motion:
         return self.base
 
     def gain(self, before: Fit, after: Fit) -> Any:
-        return gain(before.unseen_squares, after.unseen_squares, np.full(len(before.rms), NOISE))
+        return gain(before.validation_squares, after.validation_squares, np.full(len(before.rms), NOISE))
 
     def certainty(self, before: Fit, after: Fit) -> float:
         return self.gain(before, after).certainty
@@ -166,27 +169,27 @@ def force_witness(
         search=search,
         effects=effects,
         flexible=Curve(structure, flexible),
-        written_left=lambda f: around(f.force, 0),  # what is written leaves what it leaves
+        residual_as_written=lambda f: around(f.force, 0),  # what is written leaves what it leaves
         with_laws=lambda fit: None,
     )
 
 
 def left(*fits: Fit) -> dict[Fit, np.ndarray]:
-    """Return what the fits leave of the force, as `Witnesses` keeps it."""
+    """Return what the fits leave of the force, as `Evidence` keeps it."""
     return {f: around(f.force, 3 * k) for k, f in enumerate(fits)}
 
 
-def both(motion: Any, force: Any, *fits: Fit, tried: Any = (), kept: Any = None) -> Witnesses:
-    case = Case((SimpleNamespace(units={}),), motion.problem, motion.unseen)
-    return Witnesses(case, motion, force, list(tried), left(*fits) if kept is None else kept)
+def both(motion: Any, force: Any, *fits: Fit, tried: Any = (), kept: Any = None) -> Evidence:
+    case = Dataset((SimpleNamespace(units={}),), motion.problem, motion.unseen)
+    return Evidence(case, motion, force, list(tried), left(*fits) if kept is None else kept)
 
 
 def chosen(force: Any, base: Fit, first: list[Fit], second: Fit) -> tuple[Fit, str]:
-    return agreement._chosen(both(Motion(base), force, base, *first, second), first, second)
+    return selection._chosen(both(Motion(base), force, base, *first, second), first, second)
 
 
-def choice(force: Any, squares: dict[Fit, np.ndarray], motion: Any) -> Choice:
-    return Choice(both(motion, force, kept=squares), force)
+def choice(force: Any, squares: dict[Fit, np.ndarray], motion: Any) -> FamilyChoice:
+    return FamilyChoice(both(motion, force, kept=squares), force)
 
 
 BASE = Fit((), (3.0,), 2.0)
@@ -197,7 +200,7 @@ def test_a_silent_force_witness_is_no_veto(monkeypatch):
     second = Fit(("input_delay",), (NOISE,), 1.0, white=True)
     monkeypatch.setattr(Motion, "search", lambda motion, depth, names, single: [[motion.base], [second]], raising=False)
     w = both(Motion(BASE), None)
-    assert agree(w) == (second, "")
+    assert select_model(w) == (second, "")
     assert w.percent(w.left(second)) is None
 
 
@@ -257,7 +260,7 @@ class Tail(Fit):
     """A fit whose second channel errs less in most blocks, and more on the whole, by more than one standard error."""
 
     @property
-    def unseen_squares(self) -> np.ndarray:
+    def validation_squares(self) -> np.ndarray:
         second = np.where(np.arange(BLOCKS) % 16 == 0, 8.0, 0.8)
         return np.column_stack([around(self.rms[0], 3), second])
 
@@ -269,7 +272,7 @@ def test_beside_what_is_confirmed_no_printed_error_rises_beyond_its_standard_err
     second = Tail(("coulomb_friction", "input_delay"), (0.3, 1.0), 0.5)
     w = both(Motion(base), force_witness(*LAWS), base, first, second)
     assert second.level < first.level
-    assert not w.rising(first, second, DEFAULT.worse)
+    assert not w.rising(first, second, DEFAULT_CRITERIA.worse)
     assert w.rising(first, second, 1.0) == "current"
     assert chosen(force_witness(*LAWS), base, [first], second)[0] is first
 
@@ -298,13 +301,13 @@ def test_a_richer_model_that_gains_nothing_gains_nothing():
 
 
 class Asking(Motion):
-    """A motion witness for which a model is a step beyond another one if it is surely better."""
+    """A output-error estimate for which a model is a step beyond another one if it is surely better."""
 
     def refused(self, before: Fit, after: Fit) -> str:
-        return "" if self.certainty(before, after) > DEFAULT.certainty else "no step"
+        return "" if self.certainty(before, after) > DEFAULT_CRITERIA.certainty else "no step"
 
     def as_good(self, best: Fit, other: Fit) -> bool:
-        return self.certainty(other, best) < DEFAULT.tie
+        return self.certainty(other, best) < DEFAULT_CRITERIA.tie
 
 
 def test_of_what_is_as_good_the_one_with_the_fewest_parameters_is_named():
@@ -312,7 +315,7 @@ def test_of_what_is_as_good_the_one_with_the_fewest_parameters_is_named():
     wave = Fit(("bouc_wen_hysteresis",), (1.0,), 1.0, parameters=3)
     load = Fit(("constant_load",), (1.0,), 1.0, parameters=1)
     w = both(Asking(BASE), force_witness(), BASE, wave, load, tried=[load])
-    assert agreement.fewest(w, wave).effects == ("constant_load",)
+    assert selection.fewest(w, wave).effects == ("constant_load",)
 
 
 @pytest.mark.parametrize(("rms", "taken"), [(0.9, "coulomb_friction"), (1.5, "stribeck_friction")])
@@ -321,19 +324,19 @@ def test_the_simpler_law_that_is_as_good_is_named(rms, taken):
     richer = Fit(("stribeck_friction",), (1.0,), 1.0, parameters=3)
     simpler = Fit(("coulomb_friction",), (rms,), 1.0, parameters=1)
     w = both(Asking(BASE), force_witness(), BASE, richer, simpler, tried=[simpler])
-    assert agreement.fewest(w, richer).effects == (taken,)
+    assert selection.fewest(w, richer).effects == (taken,)
 
 
-def judged(final: Fit, base: Fit = BASE, force: Any = None, conflict: str = "", given: Fit | None = None) -> Judgement:
-    return Judgement(both(Motion(base, given), force, base, final), final, conflict)
+def judged(final: Fit, base: Fit = BASE, force: Any = None, conflict: str = "", given: Fit | None = None) -> Verdict:
+    return Verdict(both(Motion(base, given), force, base, final), final, conflict)
 
 
 @pytest.fixture(autouse=True)
 def no_sign_is_wrong(monkeypatch):
-    monkeypatch.setattr(Case, "noise", property(lambda self: dict.fromkeys(self.problem.channels, NOISE)))
-    monkeypatch.setattr(judgement, "reversed_signal", lambda problem, base, final: "")
-    monkeypatch.setattr(judgement, "changing", lambda r, left, own: "")
-    monkeypatch.setattr(Judgement, "same_at_nominal", False)
+    monkeypatch.setattr(Dataset, "noise", property(lambda self: dict.fromkeys(self.problem.channels, NOISE)))
+    monkeypatch.setattr(verdict, "reversed_signal", lambda problem, base, final: "")
+    monkeypatch.setattr(verdict, "changing", lambda r, left, own: "")
+    monkeypatch.setattr(Verdict, "same_at_nominal", False)
 
 
 @pytest.mark.parametrize(("without", "verdict"), [(0.4, "unexplained"), (1.0, "missing")])
@@ -341,10 +344,10 @@ def test_each_of_several_laws_takes_force_away(without, verdict, monkeypatch):
     """A servo was said to lack a stop, and a viscous friction without which no more of its force was left."""
     final = Fit(("coulomb_friction", "gravity_load"), (0.5,), 0.4)
     rest = {n: Fit((n,), (1.0,), x) for n, x in (("gravity_load", without), ("coulomb_friction", 1.5))}
-    monkeypatch.setattr(Judgement, "without", lambda j, n: rest[next(m for m in final.effects if m != n)])
+    monkeypatch.setattr(Verdict, "without", lambda j, n: rest[next(m for m in final.effects if m != n)])
     force = force_witness(*LAWS, effects=final.effects)
     w = both(Motion(BASE), force, BASE, final, *rest.values())
-    assert Judgement(w, final).verdict == verdict
+    assert Verdict(w, final).verdict == verdict
 
 
 COULOMB = Fit(("coulomb_friction",), (0.5,), 0.4)
@@ -356,16 +359,16 @@ def sees(**options: Any) -> Any:
 
 def test_what_both_stand_for_is_missing_though_something_is_left():
     found = judged(COULOMB, force=sees())
-    assert found.witnesses.sees(found.final)
+    assert found.evidence.sees(found.final)
     assert not found.final.white
     assert found.verdict == "missing"
 
 
 def test_what_is_found_with_a_far_parameter_held_at_nominal_too_is_missing(monkeypatch):
-    monkeypatch.setattr(Judgement, "same_at_nominal", True)
+    monkeypatch.setattr(Verdict, "same_at_nominal", True)
     found = judged(Fit(("coulomb_friction",), (0.5,), 0.4, away={"c": -5.1}), force=sees())
     assert found.verdict == "missing"
-    assert words.sentence(found).startswith("Check this first: c ends 5.1 tolerances")
+    assert messages.sentence(found).startswith("Check this first: c ends 5.1 tolerances")
 
 
 @pytest.mark.parametrize(("force", "why"), [(0.45 * EFFORT, ""), (0.55 * EFFORT, "structure")])
@@ -375,17 +378,17 @@ def test_what_leaves_most_of_the_effort_explains_a_part(force, why):
     j = judged(Fit(("linear_stiffness",), (1.0,), force), base, force=force_witness(effects=("linear_stiffness",)))
     assert j.unexplained == why
     if why:
-        assert "explains a part" in words.sentence(j)
+        assert "explains a part" in messages.sentence(j)
 
 
 @pytest.mark.parametrize(("rms", "why"), [(0.45, ""), (0.55, "structure")])
 def test_what_leaves_most_of_an_imposed_force_explains_a_part(rms, why, monkeypatch):
     """A tribometer whose load cell rings: Coulomb friction left 54.7 % of the spread, of which no word was said."""
     base, final = Fit((), (SPREAD,), 1.0), Fit(("coulomb_friction",), (rms * SPREAD,), 1.0)
-    monkeypatch.setattr(Case, "_swings", [])
-    j = Judgement(both(Motion(base, imposed=True), None, base, final), final)
+    monkeypatch.setattr(Dataset, "_swings", [])
+    j = Verdict(both(Motion(base, imposed=True), None, base, final), final)
     assert j.unexplained == why
-    assert f"{j.imposed:.3g} % of the spread of the force is left" in words.sentence(j)
+    assert f"{j.imposed:.3g} % of the spread of the force is left" in messages.sentence(j)
 
 
 @pytest.mark.parametrize(("percent", "times"), [(60.0, "6"), (2000.0, "over 100")])
@@ -393,9 +396,9 @@ def test_how_far_above_the_noise_is_told_as_far_as_it_tells(percent, times):
     seen = SimpleNamespace(noise_percent=10.0, of_effort="of the effort")
     curve = SimpleNamespace(visible=False, percent=25.0, along="")
     j = SimpleNamespace(
-        percent=percent, names=(), witnesses=seen, final=None, flexible=curve, changing="", criteria=DEFAULT
+        percent=percent, names=(), evidence=seen, final=None, flexible=curve, changing="", criteria=DEFAULT_CRITERIA
     )
-    assert words.remainder(j).endswith(f"of the effort, {times} times what the sensors' noise makes of it.")
+    assert messages.remainder(j).endswith(f"of the effort, {times} times what the sensors' noise makes of it.")
 
 
 def test_near_the_sensors_noise_what_is_left_must_be_noise():
@@ -406,11 +409,11 @@ def test_near_the_sensors_noise_what_is_left_must_be_noise():
 
 def test_what_unseen_data_do_not_tell_of_is_not_stood_for_where_nothing_is_missing_without_it(monkeypatch):
     """A spring with 0.24 % of the effort left was "unexplained", for a hysteresis that one reversal does not tell."""
-    monkeypatch.setattr(Judgement, "no_better", True)
+    monkeypatch.setattr(Verdict, "no_better", True)
     noise, hysteresis = Fit((), (NOISE,), 0.01, white=True), Fit(("dahl_presliding",), (NOISE,), 0.01, white=True)
-    found = judgement.judge(both(Motion(noise), sees(), noise, hysteresis), hysteresis)
+    found = verdict.verdict_of(both(Motion(noise), sees(), noise, hysteresis), hysteresis)
     assert (found.verdict, found.final, found.untold) == ("adequate", noise, "given")
-    found = judgement.judge(both(Motion(BASE), None, BASE, COULOMB), COULOMB)
+    found = verdict.verdict_of(both(Motion(BASE), None, BASE, COULOMB), COULOMB)
     assert (found.verdict, found.final, found.untold) == ("unexplained", COULOMB, "")
 
 
@@ -419,13 +422,13 @@ def test_a_part_of_the_sensors_noise_has_no_name(error, verdict):
     """A pendulum whose encoder has steps of a degree: a wave and an offset took 4 % of their size away."""
     noise = Fit((), (0.99 * NOISE,), 0.011)
     waves = Fit(("cogging_torque", "sensor_offset"), (error * 0.99 * NOISE,), 0.011, white=True)
-    found = judgement.judge(both(Motion(noise), sees(), noise, waves), waves)
+    found = verdict.verdict_of(both(Motion(noise), sees(), noise, waves), waves)
     assert found.verdict == verdict
     assert found.final is (noise if verdict == "adequate" else waves)
 
 
 def test_a_force_that_changes_along_the_record_is_told(monkeypatch):
-    monkeypatch.setattr(judgement, "changing", lambda r, left, own: "dry friction")
+    monkeypatch.setattr(verdict, "changing", lambda r, left, own: "dry friction")
     assert judged(COULOMB, force=sees()).unexplained == "structure"
 
 
@@ -438,7 +441,7 @@ def test_a_force_that_changes_along_the_record_is_told(monkeypatch):
         (COULOMB, sees(structure=True, flexible=0.5), "", "structure"),
         (Fit(("coulomb_friction",), (2.0,), 0.4), None, "", "structure"),
     ],
-    ids=["the witnesses differ", "a channel gets worse", "a known parameter is far", "a curve", "no force is seen"],
+    ids=["the estimates differ", "a channel gets worse", "a known parameter is far", "a curve", "no force is seen"],
 )
 def test_why_a_record_is_not_explained(final, force, conflict, why):
     base = Fit((), (3.0, 1.0)[: len(final.rms)], 2.0)
@@ -448,22 +451,22 @@ def test_why_a_record_is_not_explained(final, force, conflict, why):
 
 
 SAID = {
-    "conflict": "The two witnesses differ: they differ. Nothing is confirmed.",
+    "conflict": "The two estimates differ: they differ. Nothing is confirmed.",
     "lost": "speed",
-    "worse": "Coulomb friction would lower an error, but that of speed rises on unseen data: nothing is confirmed.",
+    "worse": "Coulomb friction would lower an error, but that of speed rises on validation data: nothing is confirmed.",
     "given": "rad/s, but the error falls by 1.2 standard errors beside the model as given, which is too little",
     "once": "but the motion turns back only once in a record",
-    "noise": "Coulomb friction explains a part: on unseen data",
+    "noise": "Coulomb friction explains a part: on validation data",
     "far": "but only with base parameters that far from nominal.",
     "elsewhere": "but the model follows the data it was fitted to far better than the unseen ones: there it is faster",
     "loop": "what is there is hysteresis (dahl presliding, play friction, lugre friction, bouc wen hysteresis, ",
-    "structure": "Coulomb friction explains a part: on unseen data",
+    "structure": "Coulomb friction explains a part: on validation data",
     "reversed": "With the sign of speed reversed",
 }
 
 
 def test_every_reason_has_its_row():
-    returns = ast.walk(ast.parse(textwrap.dedent(inspect.getsource(Judgement.unexplained.func))))
+    returns = ast.walk(ast.parse(textwrap.dedent(inspect.getsource(Verdict.unexplained.func))))
     constants = [c for r in returns if isinstance(r, ast.Return) for c in ast.walk(r) if isinstance(c, ast.Constant)]
     assert {c.value for c in constants} - {""} == set(REASONS) == set(SAID)
 
@@ -473,14 +476,14 @@ def test_every_reason_is_told(why, monkeypatch):
     found = {"unexplained": why, "worse": "speed", "beside_given": 1.23, "lost": ["speed"], "verdict": "unexplained"}
     found["loop"] = "coulomb_friction" if why == "loop" else ""
     for name, value in {**found, "reversed": "speed" if why == "reversed" else ""}.items():
-        monkeypatch.setattr(Judgement, name, value)
-    monkeypatch.setattr(words, "further", lambda case: "there it is faster.")
-    monkeypatch.setattr(words, "why_named", lambda j, effect: "")
-    monkeypatch.setattr(words, "own_parameters", lambda f, effect: {})
-    monkeypatch.setattr(Witnesses, "row", lambda w, f, left: SimpleNamespace(validation=None))
+        monkeypatch.setattr(Verdict, name, value)
+    monkeypatch.setattr(messages, "further", lambda case: "there it is faster.")
+    monkeypatch.setattr(messages, "why_named", lambda j, effect: "")
+    monkeypatch.setattr(messages, "own_parameters", lambda f, effect: {})
+    monkeypatch.setattr(Evidence, "row", lambda w, f, left: SimpleNamespace(validation=None))
     j = judged(COULOMB, force=sees(), conflict="they differ")
-    assert SAID[why] in words.sentence(j)
-    assert told._named(j, "coulomb_friction", ()).status == {"loop": "ambiguous"}.get(
+    assert SAID[why] in messages.sentence(j)
+    assert summary._named(j, "coulomb_friction", ()).status == {"loop": "ambiguous"}.get(
         why, "rejected" if REASONS[why].rejects else "confirmed"
     )
 
@@ -497,13 +500,13 @@ def test_a_loop_that_leaves_more_than_a_quarter_of_the_effort_is_one_of_its_fami
     percent, changing, told, monkeypatch
 ):
     """Two cyclic tests were said to lack Dahl's law with 29 and 38 % of the effort left."""
-    monkeypatch.setattr(judgement, "changing", lambda r, left, own: changing)
-    monkeypatch.setattr(Case, "seldom", property(lambda self: False))
+    monkeypatch.setattr(verdict, "changing", lambda r, left, own: changing)
+    monkeypatch.setattr(Dataset, "seldom", property(lambda self: False))
     base, left = Fit((), (3.0,), 0.9 * EFFORT), percent / 100.0 * EFFORT
     final = Fit(("dahl_presliding",), (0.5,), left)
     found = judged(final, base, force_witness(*LAWS, effects=final.effects))
     assert (found.unexplained, found.loop) == (("loop", "dahl_presliding") if told else ("", ""))
-    assert told in words.sentence(found)
+    assert told in messages.sentence(found)
 
 
 @pytest.mark.parametrize(
@@ -513,11 +516,11 @@ def test_a_loop_that_leaves_more_than_a_quarter_of_the_effort_is_one_of_its_fami
 )
 def test_where_the_force_does_not_tell_the_motion_must(rms, known, why, monkeypatch):
     """A gear motor in a loop that chatters: "compliant load", 88 times the noise, 16 times what was fitted to. But what
-    takes most of an error away on unseen data, too, is not refused for following the known ones better still.
+    takes most of an error away on validation data, too, is not refused for following the known ones better still.
     """
     final = Fit(("compliant_load",), (rms,), 1.0, white=True)
-    squares = Fit(final.effects, (known,), 1.0).unseen_squares
-    monkeypatch.setattr(Fit, "known_squares", property(lambda f: squares if f is final else f.unseen_squares))
+    squares = Fit(final.effects, (known,), 1.0).validation_squares
+    monkeypatch.setattr(Fit, "training_squares", property(lambda f: squares if f is final else f.validation_squares))
     found = judged(final)
     assert (found.verdict, found.unexplained) == ("unexplained" if why else "missing", why)
 
@@ -545,7 +548,7 @@ def test_a_force_that_rises_forbids_a_name_and_is_not_told_to_fall():
     found = judged(Fit(("coulomb_friction",), (0.5,), 2.4), BASE, sees())
     assert found.worse == "the missing force"
     assert found.verdict == "unexplained"
-    assert "missing force falls" not in words.sentence(found)
+    assert "missing force falls" not in messages.sentence(found)
 
 
 @pytest.mark.parametrize(
@@ -554,13 +557,14 @@ def test_a_force_that_rises_forbids_a_name_and_is_not_told_to_fall():
     ids=["as good", "as good in the motion alone", "worse motion", "more force left"],
 )
 def test_what_is_gained_beside_a_refitted_base_alone_is_nothing_gained(rms, force, seen, why):
-    """A gear turned by hand: refitted 0.208 N m on unseen data, with Dahl's friction 0.186, as given 0.183."""
+    """A gear turned by hand: refitted 0.208 N m on validation data, with Dahl's friction 0.186, as given 0.183."""
     given = Fit((), (rms,), force)
     found = judged(COULOMB, force=sees() if seen else None, given=given)
     assert (found.unexplained == "given") is (why == "given")
     if why:
-        assert "standard errors beside the model as given, which is too little: nothing is confirmed" in words.sentence(
-            found
+        assert (
+            "standard errors beside the model as given, which is too little: nothing is confirmed"
+            in messages.sentence(found)
         )
 
 
@@ -574,22 +578,22 @@ def test_a_large_force_is_noise_only_if_that_was_tested(tested, verdict):
 def test_a_name_that_frees_a_base_parameter_alone_says_which():
     base = Fit((), (NOISE,), 0.005, white=True, away={"k": 4.6})
     final = Fit(("linear_stiffness",), (NOISE,), 0.005, white=True, away={"k": 0.2})
-    assert words.freed(base, final) == ", but without it k ends 4.6 tolerances from its nominal value"
-    assert words.freed(base, base) == ""
+    assert messages.freed(base, final) == ", but without it k ends 4.6 tolerances from its nominal value"
+    assert messages.freed(base, base) == ""
 
 
 def test_noise_has_a_size_of_its_own_in_every_record():
     squares = [np.full((5, 1), size**2) for size in (3.0, 9.0)]
     same, larger = np.ones(1), np.full(1, 3.0)
-    assert elsewhere(*squares, same, same, DEFAULT.near)
-    assert not elsewhere(*squares, same, larger, DEFAULT.near)
+    assert elsewhere(*squares, same, same, DEFAULT_CRITERIA.near)
+    assert not elsewhere(*squares, same, larger, DEFAULT_CRITERIA.near)
 
 
 def test_a_sign_that_is_wrong_goes_before_everything(monkeypatch):
-    monkeypatch.setattr(judgement, "reversed_signal", lambda problem, base, final: "speed")
+    monkeypatch.setattr(verdict, "reversed_signal", lambda problem, base, final: "speed")
     found = judged(COULOMB, force=sees())
     assert found.unexplained == "reversed"
-    assert "the sign of speed reversed" in words.sentence(found)
+    assert "the sign of speed reversed" in messages.sentence(found)
 
 
 def test_noise_is_adequate_whoever_sees_it():
@@ -604,7 +608,7 @@ def test_what_follows_nothing_is_not_adequate_however_noisy_its_channel():
     nothing = Fit((), (0.7 * SPREAD,), 0.005, white=True)
     found = judged(nothing, nothing, force_witness(*LAWS))
     assert found.verdict == "unexplained"
-    assert words.sentence(found).startswith("The speed fits no model")
+    assert messages.sentence(found).startswith("The speed fits no model")
 
 
 def test_a_large_force_that_nothing_takes_away_is_not_adequate():
@@ -626,12 +630,12 @@ def numbers(text: str) -> list[float]:
     return [float(x) for x in re.findall(r"(?<![\w.])-?\d+\.?\d*(?:e[+-]?\d+)?", text)]
 
 
-def in_the_tables(j: Judgement) -> set[str]:
+def in_the_tables(j: Verdict) -> set[str]:
     """Return every number that a table of the diagnosis shows, to three digits: errors, forces, noise, tolerances."""
     fits, motion = (j.base, j.final), j.motion
-    rms = [float(x) for f in fits for x in np.sqrt(np.mean(f.unseen_squares, axis=0))]
+    rms = [float(x) for f in fits for x in np.sqrt(np.mean(f.validation_squares, axis=0))]
     forces = [p for f in fits if (p := j.percent_of(f)) is not None]
-    noise = j.witnesses.noise_percent
+    noise = j.evidence.noise_percent
     more = [j.case.horizon, noise, j.flexible.percent, *(abs(x) for x in j.far.values())]
     assert motion.problem.channels
     return {f"{x:.3g}" for x in (*rms, *forces, *more, *(p / noise for p in forces))}
@@ -651,7 +655,7 @@ def in_the_tables(j: Judgement) -> set[str]:
 )
 def test_every_number_in_a_sentence_is_in_the_tables(final, force, conflict):
     j = judged(final, final if not final.effects else BASE, force, conflict)
-    said = numbers(words.sentence(j))
+    said = numbers(messages.sentence(j))
     shown = in_the_tables(j)
     assert [x for x in said if f"{x:.3g}" not in shown] == []
     assert said or conflict
@@ -659,8 +663,8 @@ def test_every_number_in_a_sentence_is_in_the_tables(final, force, conflict):
 
 def test_a_sentence_names_what_falls_and_by_how_much():
     j = judged(COULOMB, force=sees())
-    text = words.sentence(j)
-    assert text.startswith("The model lacks coulomb friction: on unseen data the missing force falls from ")
+    text = messages.sentence(j)
+    assert text.startswith("The model lacks coulomb friction: on validation data the missing force falls from ")
     assert "the error of speed over 0.2 s from " in text
     a, b = numbers(text)[:2]
     assert b < a
@@ -668,9 +672,9 @@ def test_a_sentence_names_what_falls_and_by_how_much():
 
 def test_by_how_much_an_error_rises_or_falls_and_what_is_asked():
     """ "Rejected: falls by 2.6 standard errors" read like praise, "falls by -14.1" like nothing."""
-    assert told_change(2.6, 3.5) == "the error on unseen data falls by 2.6 standard errors, 3.5 are asked"
-    assert told_change(-0.01, 3.5).startswith("the error on unseen data falls by")
-    assert told_change(-14.1, 3.5) == "the error on unseen data rises by 14.1 standard errors"
+    assert told_change(2.6, 3.5) == "the error on validation data falls by 2.6 standard errors, 3.5 are asked"
+    assert told_change(-0.01, 3.5).startswith("the error on validation data falls by")
+    assert told_change(-14.1, 3.5) == "the error on validation data rises by 14.1 standard errors"
 
 
 @pytest.mark.parametrize(("verdict", "told"), [("unexplained", "explains a part"), ("missing", "confirmed")])
@@ -702,11 +706,11 @@ def test_what_is_left_is_told_where_the_noise_of_the_force_is_not_known():
     seen = SimpleNamespace(noise_percent=0.0, sees=lambda f: True, of_effort="of the effort")
     curve = SimpleNamespace(visible=False, percent=25.0, along="")
     j = SimpleNamespace(
-        percent=25.3, names=(), witnesses=seen, final=None, flexible=curve, changing="", criteria=DEFAULT
+        percent=25.3, names=(), evidence=seen, final=None, flexible=curve, changing="", criteria=DEFAULT_CRITERIA
     )
-    assert words.remainder(j) == " What is left is 25.3 % of the effort."
+    assert messages.remainder(j) == " What is left is 25.3 % of the effort."
     seen.noise_percent = 10.0
-    assert words.remainder(j).endswith("of the effort, 2.53 times what the sensors' noise makes of it.")
+    assert messages.remainder(j).endswith("of the effort, 2.53 times what the sensors' noise makes of it.")
 
 
 @pytest.mark.parametrize(
@@ -730,9 +734,9 @@ def test_why_more_than_the_sensors_noise_counts_as_noise(clean, curve, told):
     shown = {"names": (), "refused": "", "asked": "", "reversed": "", "far": {}, "verdict": "adequate"}
     sensors, channels = {"current": 0.01, "speed": 0.1}, SimpleNamespace(channels=("current", "speed"))
     shown["case"] = SimpleNamespace(horizon=0.2, problem=channels, noise=sensors)
-    j = SimpleNamespace(percent=2.93, witnesses=seen, final=final, flexible=curve, **shown)
+    j = SimpleNamespace(percent=2.93, evidence=seen, final=final, flexible=curve, **shown)
     errs = "Over 0.2 s, speed errs by 4.6 times its sensor's noise."
-    assert words.sentence(j).endswith(f"is 2.93 % of the effort, the sensors' noise 0.796 %{told}. {errs}")
+    assert messages.sentence(j).endswith(f"is 2.93 % of the effort, the sensors' noise 0.796 %{told}. {errs}")
 
 
 @pytest.mark.parametrize(("size", "differs"), [(2.0, True), (1.6, True), (1.3, False)])
@@ -744,7 +748,7 @@ def test_unseen_data_that_reach_further_are_told(size, differs):
         for a in (1.0, size)
     )
     problems = [SimpleNamespace(parts=(part,), units={"displacement": "m"}, shown=str) for part in (known, unseen)]
-    text = words.further(SimpleNamespace(problem=problems[0], unseen=problems[1]))
+    text = messages.further(SimpleNamespace(problem=problems[0], unseen=problems[1]))
     assert bool(text) is differs
     if differs:
         assert text.startswith("there displacement goes from -0.01")
@@ -758,21 +762,21 @@ def test_what_would_take_most_away_but_not_surely_is_told_with_the_number_of_its
     monkeypatch.setattr(Fit, "size", 1, raising=False)
     odd = Fit((), (3.0,), 0.1 * EFFORT)
     j = judged(odd, odd, force_witness(*LAWS))
-    j.witnesses.keep(COULOMB)
-    text = words.sentence(j)
+    j.evidence.keep(COULOMB)
+    text = messages.sentence(j)
     assert ("Too little was recorded to tell what is missing: coulomb friction would" in text) is told
     assert (f"falls by {certainty:.1f} standard errors, 3.5 are asked" in text) is told
 
 
 def test_a_parameter_that_is_far_is_told_first():
     far = Fit(("coulomb_friction",), (0.5,), 0.4, away={"K_m": 45.0})
-    text = words.sentence(judged(far, force=sees()))
+    text = messages.sentence(judged(far, force=sees()))
     assert text.startswith("Check this first: K_m ends 45.0 tolerances from its nominal value.")
     assert "The model lacks" not in text
 
 
 def test_a_curve_that_would_take_more_away_is_offered():
-    text = words.sentence(judged(COULOMB, force=sees(structure=True, flexible=0.5)))
+    text = messages.sentence(judged(COULOMB, force=sees(structure=True, flexible=0.5)))
     assert "would leave 0.5 %" in text
     assert "add learned_force" in text
 
@@ -781,7 +785,7 @@ def test_a_curve_that_would_take_more_away_is_offered():
 
 
 class Refusing(Motion):
-    """A motion witness that asks for an effect of the input before it follows anything."""
+    """A output-error estimate that asks for an effect of the input before it follows anything."""
 
     def __init__(self, base: Fit, fits: dict[frozenset[str], Fit]) -> None:
         super().__init__(base)
@@ -796,7 +800,7 @@ class Refusing(Motion):
 
     def refused(self, before: Fit, after: Fit) -> str:
         g = self.gain(before, after)
-        return "" if g.certainty >= DEFAULT.certainty else "too little"
+        return "" if g.certainty >= DEFAULT_CRITERIA.certainty else "too little"
 
     def alike(self, before: Fit, options: list[Fit]) -> list[Fit]:
         good = [f for f in options if not self.refused(before, f)]
@@ -804,7 +808,7 @@ class Refusing(Motion):
 
 
 def with_limit(together: float, limit: float) -> Refusing:
-    """Return a motion witness for which friction alone is nothing, and a limit of the input not enough."""
+    """Return a output-error estimate for which friction alone is nothing, and a limit of the input not enough."""
     fits = (
         Fit(("coulomb_friction",), (3.0,), 0.5),
         Fit(("input_saturation",), (limit,), 2.0),
@@ -815,14 +819,14 @@ def with_limit(together: float, limit: float) -> Refusing:
 
 @pytest.fixture
 def any_effect(monkeypatch):
-    monkeypatch.setattr(agreement, "tryable", lambda problem, name: name == "input_saturation")
+    monkeypatch.setattr(selection, "tryable", lambda problem, name: name == "input_saturation")
 
 
 @pytest.mark.usefixtures("any_effect")
 def test_a_limit_of_the_input_is_sought_beside_friction_that_the_motion_refuses_alone():
     motion = with_limit(together=0.3, limit=1.0)
     tried = [motion.fits[frozenset({"coulomb_friction"})]]
-    together = agreement._together(both(motion, None, tried=tried), tried[0])
+    together = selection._together(both(motion, None, tried=tried), tried[0])
     assert together is motion.fits[frozenset({"coulomb_friction", "input_saturation"})]
     assert motion.asked == [("input_saturation",)]
 
@@ -832,12 +836,12 @@ def test_a_limit_of_the_input_is_sought_beside_friction_that_the_motion_refuses_
 def test_what_the_motion_does_not_need_beside_the_limit_is_not_named(limit):
     motion = with_limit(together=0.3, limit=limit)
     tried = [motion.fits[frozenset({"coulomb_friction"})]]
-    assert agreement._together(both(motion, None, tried=tried), tried[0]) is None
+    assert selection._together(both(motion, None, tried=tried), tried[0]) is None
 
 
 @pytest.fixture
 def everything_applies(monkeypatch):
-    for module in (agreement, every):
+    for module in (selection, single_laws):
         monkeypatch.setattr(module, "tryable", lambda problem, name: True)
 
 
@@ -848,8 +852,8 @@ def alone(final: Fit, other: Fit, monkeypatch: Any) -> Fit | None:
     monkeypatch.setattr(Fit, "size", property(lambda f: 1), raising=False)
     monkeypatch.setattr(Fit, "level", property(lambda f: f.rms[0]), raising=False)
     w = both(motion, None)
-    every.fit_every_law(w, final)
-    return agreement.alone(w, final)
+    single_laws.fit_every_law(w, final)
+    return selection.alone(w, final)
 
 
 @pytest.mark.usefixtures("everything_applies")
@@ -885,8 +889,8 @@ def test_before_nothing_or_more_than_one_is_named_every_law_is_fitted_from_all_i
 def test_one_law_that_leaves_noise_is_told_at_once(effects, settled):
     """And nothing where nothing is missing; more than one law waits for all single ones."""
     w = both(Refusing(BASE, {}), None)
-    assert every.settled(w, Fit(effects, (NOISE,), 1.0, white=True)) is settled
-    assert not every.settled(w, Fit(effects, (3.0 * NOISE,), 1.0))
+    assert single_laws.settled(w, Fit(effects, (NOISE,), 1.0, white=True)) is settled
+    assert not single_laws.settled(w, Fit(effects, (3.0 * NOISE,), 1.0))
 
 
 @pytest.mark.parametrize(("rms", "force", "taken"), [(0.2, 0.5, True), (1.0, 0.5, False), (0.2, 3.0, False)])
@@ -895,7 +899,7 @@ def test_one_law_goes_before_another_that_leaves_surely_more(rms, force, taken):
     first = Fit(("dahl_presliding",), (1.0,), 1.0, parameters=2)
     loop = Fit(("bouc_wen_hysteresis",), (rms,), force, parameters=3)
     w = both(Asking(BASE), force_witness(*LAWS), BASE, first, loop, tried=[first, loop])
-    assert (agreement.better(w, first, [first, loop]) is loop) is taken
+    assert (selection.better(w, first, [first, loop]) is loop) is taken
 
 
 @pytest.mark.parametrize("current", [True, False])
@@ -914,7 +918,7 @@ def test_the_motion_is_searched_for_what_the_force_does_not_rule_out(share, laws
     """For all that there is where the force is not seen; for no law where there is little force, and none found."""
     force = force_witness(*LAWS, helpful=("stribeck_friction",))
     squares = {BASE: np.full(BLOCKS, (share * EFFORT) ** 2)}
-    names = agreement._searched(both(Motion(BASE), force, kept=squares))
+    names = selection._searched(both(Motion(BASE), force, kept=squares))
     assert (names is None) == (laws is None)
     assert names is None or (set(names) & set(LAWS) == laws and {"input_delay", "sensor_offset"} <= set(names))
 
@@ -923,13 +927,13 @@ def test_the_motion_is_searched_for_what_the_force_does_not_rule_out(share, laws
 def test_a_law_that_the_force_proposes_is_searched_for_however_little_there_is():
     force = force_witness(*LAWS, effects=("coulomb_friction",), helpful=("coulomb_friction",))
     squares = {BASE: np.full(BLOCKS, (0.04 * EFFORT) ** 2)}
-    assert "coulomb_friction" in (agreement._searched(both(Motion(BASE), force, kept=squares)) or ())
+    assert "coulomb_friction" in (selection._searched(both(Motion(BASE), force, kept=squares)) or ())
 
 
 @pytest.mark.parametrize("seen", [True, False])
 def test_of_a_family_the_motion_is_asked_of_what_the_force_asks_for(seen, monkeypatch):
     """And of the best rival; where the force is not seen, of all."""
-    monkeypatch.setattr(Witnesses, "sees", lambda *_: seen)
+    monkeypatch.setattr(Evidence, "sees", lambda *_: seen)
     errors = {"coulomb_friction": 1.0, "stribeck_friction": 0.5, "lugre_friction": 0.9, "dahl_presliding": 0.995}
     force = force_witness(*LAWS)
     force.search.models = {frozenset({n}): SimpleNamespace(error=e) for n, e in errors.items()}

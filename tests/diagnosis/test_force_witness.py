@@ -1,4 +1,4 @@
-"""The force witness: its columns are the laws written by hand, its fits the truth, and noise has no name."""
+"""The equation-error estimate: its columns are the laws written by hand, its fits the truth, and noise has no name."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from signlin_ros.comparison.piece import Piece, asked_effort, missing_force, piece
-from signlin_ros.diagnosis.case import case
-from signlin_ros.diagnosis.criteria import DEFAULT
-from signlin_ros.diagnosis.force import witness
-from signlin_ros.diagnosis.force.flexible import changing
-from signlin_ros.diagnosis.force.laws import Ripple, Shape, laws
-from signlin_ros.diagnosis.force.regression import Side
+from signlin_ros.comparison.force_segment import ForceSegment, asked_effort, force_segment, missing_force
+from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA
+from signlin_ros.diagnosis.dataset import dataset_of
+from signlin_ros.diagnosis.equation_error import estimate
+from signlin_ros.diagnosis.equation_error.flexible import changing
+from signlin_ros.diagnosis.equation_error.laws import Ripple, Shape, laws
+from signlin_ros.diagnosis.equation_error.regression import RegressionData
 from signlin_ros.filters import sensor_noise
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
@@ -62,9 +62,9 @@ def record(
     return ModelData(t, effort[:, None], shown, None, ("force",), ("displacement", "velocity"), units)
 
 
-def heard(law: Force, model: Model | None = None, **options: Any) -> witness.Testimony:
-    made = case(model or Model.from_dict(DRIVE), record(1, law, **options), record(2, law, **options))
-    return witness.hear(made.problem, made.unseen)
+def from_equation_error(law: Force, model: Model | None = None, **options: Any) -> estimate.EquationErrorResult:
+    made = dataset_of(model or Model.from_dict(DRIVE), record(1, law, **options), record(2, law, **options))
+    return estimate.estimate_equation_error(made.problem, made.unseen)
 
 
 # ---------------------------------------------------------------- columns
@@ -81,11 +81,11 @@ def bristle(rate: Callable[[float, float], float], q: Array, v: Array, fine: int
     return z
 
 
-def dahl(p: Piece, sigma: float) -> Array:
+def dahl(p: ForceSegment, sigma: float) -> Array:
     return -sigma * bristle(lambda v, z: v - sigma * abs(v) * z, *motion(p))
 
 
-def play(p: Piece, sigma: float, gap: float) -> Array:
+def play(p: ForceSegment, sigma: float, gap: float) -> Array:
     def bent(z: float) -> float:
         return max(z - gap, 0.0) - max(-z - gap, 0.0)
 
@@ -93,20 +93,20 @@ def play(p: Piece, sigma: float, gap: float) -> Array:
     return -sigma * np.array([bent(one) for one in z.tolist()])
 
 
-def lugre(p: Piece, sigma0: float, F_s: float, v_s: float) -> Array:
+def lugre(p: ForceSegment, sigma0: float, F_s: float, v_s: float) -> Array:
     def level(v: float) -> float:
         return 1.0 + (F_s - 1.0) * math.exp(-((v / v_s) ** 2))
 
     return -sigma0 * bristle(lambda v, z: v - sigma0 * abs(v) * z / level(v), *motion(p))
 
 
-def motion(p: Piece) -> tuple[Array, Array]:
+def motion(p: ForceSegment) -> tuple[Array, Array]:
     return p.values["displacement"], p.values["velocity"]
 
 
 @cache
-def along() -> Piece:
-    return piece(Model.from_dict(DRIVE), record(1), 25.0)
+def along() -> ForceSegment:
+    return force_segment(Model.from_dict(DRIVE), record(1), 25.0)
 
 
 STATIC: dict[str, tuple[Shape, Callable[[Array, Array, Array], list[Array]]]] = {
@@ -179,7 +179,7 @@ def test_a_current_that_the_model_carries_is_not_late():
     current = (J * a + model.value("B") * v) / K_t
     voltage = R * current + L * np.gradient(current, STEP) + K_m * v
     data = ModelData(t, voltage[:, None], {"position": q}, None, ("voltage",), ("position",), {"position": "rad"})
-    slow = piece(model, data, 2.0)
+    slow = force_segment(model, data, 2.0)
     assert slow.step > 10 * STEP  # few samples, each of many
     left, effort = slow.seen(missing_force(model, slow)), slow.seen(slow.effort)
     assert np.std(left) < 0.01 * np.std(effort)
@@ -221,14 +221,14 @@ def test_coloured_noise_counts_for_more_than_neighbouring_samples_show():
 # ---------------------------------------------------------------- what is named
 
 
-def named(found: witness.Testimony) -> dict[str, dict[str, float]]:
+def named(found: estimate.EquationErrorResult) -> dict[str, dict[str, float]]:
     r, fit = found.search.r, found.fit
     return {n: r.laws[n].parameters(z, fit.theta[fit.spans[n]]) for n, z in fit.members}
 
 
 def test_base_parameters_are_recovered():
     off = Model.from_dict({**DRIVE, "parameters": {"m": 1.06 * M, "c": 0.95 * C, "k": 0.0}})
-    found = heard(lambda q, v: 0.0 * q, off)
+    found = from_equation_error(lambda q, v: 0.0 * q, off)
     moved_by = dict(zip(found.search.r.names, found.fit.theta, strict=False))
     assert found.effects == ()
     assert 1.06 * (1 + moved_by["m"]) == pytest.approx(1.0, abs=0.005)
@@ -237,14 +237,14 @@ def test_base_parameters_are_recovered():
 
 def test_noise_has_no_name():
     for noise in (1e-5, 1e-3):
-        found = heard(lambda q, v: 0.0 * q, noise=noise)
+        found = from_equation_error(lambda q, v: 0.0 * q, noise=noise)
         assert found.effects == ()
         assert not found.flexible.visible
 
 
 def test_the_simplest_law_of_a_family_is_named():
     """Stribeck's, Dahl's and LuGre's laws have Coulomb's as a limit, and can do no worse where they are fitted."""
-    found = heard(lambda q, v: -1.5 * np.sign(v))
+    found = from_equation_error(lambda q, v: -1.5 * np.sign(v))
     assert found.effects == ("coulomb_friction",)
     assert named(found)["coulomb_friction"]["mu"] == pytest.approx(1.5, rel=0.02)
     models = found.search.models
@@ -258,7 +258,7 @@ def test_a_friction_does_not_explain_the_effort_by_itself():
     def dry(q: Array, v: Array) -> Array:
         return -3.0 * np.sign(v) + (C - 0.02) * v
 
-    found = heard(dry, light, noise=1e-6)
+    found = from_equation_error(dry, light, noise=1e-6)
     assert "load_dependent_friction" not in named(found)
     models = found.search.models
     following, plain = (models[frozenset({n})].error for n in ("load_dependent_friction", "coulomb_friction"))
@@ -272,7 +272,7 @@ def test_a_position_that_is_noisier_does_not_tell_the_velocity():
     units = {"force": "N·m", "displacement": "rad", "velocity": "rad/s"}
     effort = (M * a + C * v)[:, None]
     data = ModelData(t, effort, shown, None, ("force",), ("displacement", "velocity"), units)
-    p = piece(Model.from_dict(DRIVE), data, 5.0)
+    p = force_segment(Model.from_dict(DRIVE), data, 5.0)
     assert np.std((p.values["velocity"] - np.interp(p.t, t, v))[p.kept]) < 0.002
 
 
@@ -285,14 +285,14 @@ def test_forces_of_a_free_motion_are_told_beside_the_inertial_force():
     shown = {"displacement": q, "velocity": v + 1e-6 * np.random.default_rng(4).normal(size=t.size)}
     units = {"force": "N", "displacement": "m", "velocity": "m/s"}
     data = ModelData(t, np.zeros((t.size, 1)), shown, None, ("force",), ("displacement", "velocity"), units)
-    made = case(model, data, data)
-    found = witness.hear(made.problem, made.unseen)
+    made = dataset_of(model, data, data)
+    found = estimate.estimate_equation_error(made.problem, made.unseen)
     assert found.search.r.unseen.free
     assert found.search.r.percent(found.search.base) < 1.0
 
 
 def test_a_richer_law_is_named_where_it_acts():
-    found = heard(lambda q, v: -(1.0 + 1.5 * np.exp(-((v / 0.5) ** 2))) * np.sign(v))
+    found = from_equation_error(lambda q, v: -(1.0 + 1.5 * np.exp(-((v / 0.5) ** 2))) * np.sign(v))
     assert found.effects == ("stribeck_friction",)
     values = named(found)["stribeck_friction"]
     assert values["mu"] == pytest.approx(1.0, rel=0.05)
@@ -306,17 +306,17 @@ def test_orders_on_a_rotary_axis_are_whole():
     def law(q: Array, v: Array) -> Array:
         return -0.8 * np.sin(7.0 * q + 0.4)
 
-    found = heard(law, turns=3.0)
+    found = from_equation_error(law, turns=3.0)
     assert found.effects == ("cogging_torque",)
     assert named(found)["cogging_torque"]["N"] == 7.0
     assert named(found)["cogging_torque"]["A"] == pytest.approx(0.8, rel=0.03)
-    slide = heard(lambda q, v: -0.8 * np.sin(7.2 * q + 0.4), turns=3.0, unit="m")
+    slide = from_equation_error(lambda q, v: -0.8 * np.sin(7.2 * q + 0.4), turns=3.0, unit="m")
     assert named(slide)["cogging_torque"]["N"] == pytest.approx(7.2, abs=0.03)
 
 
 def test_orders_behind_a_gear_are_those_of_the_motor_too():
     model = Model.from_dict({**DRIVE, "axis": "rotary", "gear": 2.5})
-    found = heard(lambda q, v: -0.8 * np.sin(7.5 * q), model, turns=3.0)
+    found = from_equation_error(lambda q, v: -0.8 * np.sin(7.5 * q), model, turns=3.0)
     assert named(found)["cogging_torque"]["N"] == pytest.approx(7.5)
 
 
@@ -324,7 +324,7 @@ def test_an_axis_whose_speed_alone_is_recorded_turns_for_both_witnesses():
     whole = record(1)
     shown = {"velocity": whole.measured["velocity"]}
     speed = replace(whole, measured=shown, units={"velocity": "rad/s"})
-    found = case(Model.from_dict(DRIVE), speed, speed)
+    found = dataset_of(Model.from_dict(DRIVE), speed, speed)
     assert found.problem.turns
 
 
@@ -332,7 +332,7 @@ def test_several_harmonics_are_one_effect():
     def law(q: Array, v: Array) -> Array:
         return -(0.8 * np.sin(6.0 * q + 0.4) + 0.5 * np.sin(12.0 * q - 1.0) + 0.3 * np.sin(18.0 * q))
 
-    found = heard(law, turns=3.0)
+    found = from_equation_error(law, turns=3.0)
     assert found.effects == ("torque_ripple",)
     values = named(found)["torque_ripple"]
     size = dict(zip(values["orders"], values["A"], strict=True))
@@ -342,13 +342,13 @@ def test_several_harmonics_are_one_effect():
 
 
 def test_a_force_of_no_listed_shape_is_told_as_structure():
-    found = heard(lambda q, v: -2.0 * (1.0 + 0.8 * np.tanh(q)) * v, seconds=30.0)
+    found = from_equation_error(lambda q, v: -2.0 * (1.0 + 0.8 * np.tanh(q)) * v, seconds=30.0)
     assert found.flexible.visible
     assert found.flexible.percent < 0.5 * found.percent()
 
 
 def test_viscosity_that_varies_along_the_way_is_told_as_structure_with_its_period():
-    found = heard(lambda q, v: -2.0 * (1.0 + 0.6 * np.sin(9.0 * q)) * v, turns=3.0, seconds=30.0)
+    found = from_equation_error(lambda q, v: -2.0 * (1.0 + 0.6 * np.sin(9.0 * q)) * v, turns=3.0, seconds=30.0)
     assert found.flexible.visible
     assert found.flexible.percent < 0.1 * found.percent()
     assert found.flexible.along == "viscous friction that repeats 9 times a turn"
@@ -356,7 +356,7 @@ def test_viscosity_that_varies_along_the_way_is_told_as_structure_with_its_perio
 
 def test_what_a_curve_over_the_speed_takes_away_is_structure():
     """Friction that pushes at low speed, as an oscillator's negative resistance."""
-    found = heard(lambda q, v: 1.5 * v * (1.0 - (v / 2.0) ** 2), seconds=30.0)
+    found = from_equation_error(lambda q, v: 1.5 * v * (1.0 - (v / 2.0) ** 2), seconds=30.0)
     assert found.flexible.visible
     assert found.flexible.percent < 0.5 * found.percent()
     assert not found.flexible.along
@@ -371,12 +371,12 @@ def over_a_minute(left_of, noise: float = 0.01, period: float = 0.0):
     v = np.sin(2 * np.pi * 0.7 * t) + 0.4 * np.sin(2 * np.pi * 0.23 * t)
     v = np.sin(2 * np.pi * t / period) if period else v
     blocks = (t // 1.0).astype(int)
-    piece = SimpleNamespace(
+    force_segment = SimpleNamespace(
         t=t, sign=np.sign(v), v=v, noise=noise, blocks=blocks, kept=np.arange(t.size), seen=lambda x: x
     )
-    unseen = Side((piece,), np.zeros(t.size), np.zeros((t.size, 0)), blocks, 1.0)
+    unseen = RegressionData((force_segment,), np.zeros(t.size), np.zeros((t.size, 0)), blocks, 1.0)
     plant = SimpleNamespace(velocity="v")
-    r = SimpleNamespace(unseen=unseen, model=SimpleNamespace(plant=plant), criteria=DEFAULT)
+    r = SimpleNamespace(unseen=unseen, model=SimpleNamespace(plant=plant), criteria=DEFAULT_CRITERIA)
     return r, left_of(t, v) + noise * rng.normal(size=t.size)
 
 
@@ -405,7 +405,7 @@ def test_what_goes_with_a_slow_motion_does_not_change_with_time():
 def test_no_effort_explains_itself():
     """A dead zone beyond all of the force "explains" any of it: what it leaves is told in parts of what then acts."""
     bare = Model.from_dict(DRIVE)
-    part = piece(bare, record(1, lambda q, v: -4.0 * q), 2.0)  # what is missing is a spring
+    part = force_segment(bare, record(1, lambda q, v: -4.0 * q), 2.0)  # what is missing is a spring
     without = float(np.sqrt(np.mean(asked_effort(bare, part) ** 2)))
     for kind, values in (("input_deadzone", {"d": 8.0}), ("input_saturation", {"u_max": 0.5})):
         muted = bare.with_effect(kind, **values)
@@ -417,7 +417,7 @@ def test_no_effort_explains_itself():
 
 def test_a_dead_zone_that_is_there_leaves_no_force():
     bare, data = Model.from_dict(DRIVE), record(1)
-    part = piece(bare, replace(data, u=data.u + 2.0 * np.sign(data.u)), 2.0)
+    part = force_segment(bare, replace(data, u=data.u + 2.0 * np.sign(data.u)), 2.0)
     without, with_it = (
         float(np.sqrt(np.mean(asked_effort(m, part) ** 2))) for m in (bare, bare.with_effect("input_deadzone", d=2.0))
     )

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from signlin_ros.diagnosis import diagnose
-from signlin_ros.diagnosis.case import Case, case
 from signlin_ros.diagnosis.comparison import compare
+from signlin_ros.diagnosis.dataset import Dataset, dataset_of
 from signlin_ros.follow.data import driving
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData, read_for_model
@@ -309,8 +309,8 @@ def test_of_one_cycle_alone_it_is_said_that_speed_and_memory_look_alike(amplitud
         units = {"displacement": "m", "force": "N", "velocity": "m/s"}
         records.append(ModelData(t, v[:, None], force, None, ("velocity",), ("displacement",), units))
     model, driven = (SimpleNamespace(base=m) for m in (model, Model.load("dc_motor")))
-    assert Case(tuple(records), model, model).one_cycle is told
-    assert not Case(tuple(records), driven, driven).one_cycle
+    assert Dataset(tuple(records), model, model).one_cycle is told
+    assert not Dataset(tuple(records), driven, driven).one_cycle
 
 
 @pytest.mark.parametrize(("strokes", "seen"), [(2, True), (8, False)], ids=["there and back", "to and fro"])
@@ -329,7 +329,7 @@ def test_memory_is_not_told_from_time_by_a_single_reversal(strokes, seen):
         units = {"displacement": "m", "force": "N", "velocity": "m/s"}
         measured = {"displacement": x, "force": force}
         records.append(ModelData(t, v[:, None], measured, None, ("velocity",), ("displacement",), units))
-    assert case(model, *records).seldom is seen
+    assert dataset_of(model, *records).seldom is seen
     found = diagnose(model, *records)
     assert found.missing[0].status != "rejected"
     assert ("turns back only once" in found.sentence) is seen

@@ -130,11 +130,11 @@ def test_the_hysteresis_benchmark_is_taken_as_sampled(tmp_path: Path) -> None:
 def test_held_inputs_stay_held() -> None:
     """Sixteen records of commands with an effect hidden in each: what a base lacks does not look like another hold."""
     from signlin_ros.diagnosis import load_records
-    from signlin_ros.diagnosis.case import case
-    from signlin_ros.diagnosis.witnesses import refitted
+    from signlin_ros.diagnosis.dataset import dataset_of
+    from signlin_ros.diagnosis.evidence import refitted_evidence
 
     folders = sorted(one for one in (DATA / "hidden_effects").iterdir() if (one / "model.yaml").exists())
     for folder in folders:
         files = [str(folder / f"{part}.csv") for part in ("estimation", "validation")]
         model, (known, unseen) = load_records(Model.load(folder / "model.yaml"), files)
-        assert refitted(case(model, known, unseen)).case.model.input_hold == "auto", folder.name
+        assert refitted_evidence(dataset_of(model, known, unseen)).case.model.input_hold == "auto", folder.name

@@ -1,4 +1,4 @@
-"""The motion witness: one measure on unseen data, nested models in order, names and refusals."""
+"""The output-error estimate: one measure on validation data, nested models in order, names and refusals."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import pytest
 from benchmarks.hidden.generator import draw, write
 from signlin_ros.diagnosis import add, diagnose
 from signlin_ros.diagnosis.criteria import Criteria
-from signlin_ros.diagnosis.motion import CancelledError, Motion, fitting, witness
-from signlin_ros.diagnosis.motion.fitted import covariance
-from signlin_ros.diagnosis.motion.score import gain
-from signlin_ros.diagnosis.motion.trials import Trial, trials
-from signlin_ros.diagnosis.witnesses import Witnesses
+from signlin_ros.diagnosis.evidence import Evidence
+from signlin_ros.diagnosis.output_error import CancelledError, OutputErrorEstimator, estimator, fitting
+from signlin_ros.diagnosis.output_error.fitted import covariance
+from signlin_ros.diagnosis.output_error.score import gain
+from signlin_ros.diagnosis.output_error.trials import Trial, trials
 from signlin_ros.fitting.candidate import Candidate
 from signlin_ros.fitting.fit import evaluated
-from signlin_ros.fitting.gains import Gains
+from signlin_ros.fitting.gains import ObserverGains
 from signlin_ros.fitting.prepare import held_out, prepared
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.follow.data import load_records
@@ -41,9 +41,9 @@ def record(model: Model, seed: int, seconds: float = 16.0, channels: tuple[str, 
     return ModelData(t, u, measured, None, ("force",), ("displacement", "velocity"), {"displacement": "m"})
 
 
-def motion(truth: Model, base: Model | None = None, **options) -> Motion:
+def motion(truth: Model, base: Model | None = None, **options) -> OutputErrorEstimator:
     known, unseen = record(truth, 1, **options), record(truth, 2, **options)
-    return Motion(*prepared(base or Model.from_dict(BASE), [known], [unseen]), Criteria(), jobs=1)
+    return OutputErrorEstimator(*prepared(base or Model.from_dict(BASE), [known], [unseen]), Criteria(), jobs=1)
 
 
 COULOMB = Model.from_dict({**BASE, "effects": {"coulomb_friction": {"mu": 2.0}}})
@@ -51,7 +51,7 @@ COULOMB = Model.from_dict({**BASE, "effects": {"coulomb_friction": {"mu": 2.0}}}
 
 def test_the_windowed_error_of_a_right_model_is_the_noise_of_the_sensor():
     base = motion(Model.from_dict(BASE)).base
-    assert np.sqrt(np.mean(base.unseen_squares)) == pytest.approx(NOISE, rel=0.05)
+    assert np.sqrt(np.mean(base.validation_squares)) == pytest.approx(NOISE, rel=0.05)
     assert base.white
 
 
@@ -86,12 +86,12 @@ def test_a_friction_that_is_known_but_for_a_scale_is_there():
         speed = simulate(truth, t, u[:, None], np.zeros(1)).x[:, 0] + rng.normal(0, 0.1, t.size)
         return ModelData(t, u[:, None], {"speed": speed}, None, ("voltage",), ("speed",), {"speed": "rad/s"})
 
-    witness = Motion(*prepared(base, [run(1)], [run(2)]), Criteria(), jobs=1)
-    found = witness.fitted(["coulomb_friction"])
+    estimator = OutputErrorEstimator(*prepared(base, [run(1)], [run(2)]), Criteria(), jobs=1)
+    found = estimator.fitted(["coulomb_friction"])
     mu = found.parameters["coulomb_friction.mu"]
     assert mu.value < 4 * mu.std
-    assert not found.vague(Criteria())
-    assert not witness.refused(witness.base, found)
+    assert not found.insignificant(Criteria())
+    assert not estimator.refused(estimator.base, found)
 
 
 def test_the_simplest_law_that_suffices_is_named():
@@ -109,7 +109,7 @@ def test_a_larger_model_is_never_worse_on_what_it_was_fitted_to():
     found = motion(COULOMB, channels=("displacement", "velocity"))
     smaller = found.fitted(["coulomb_friction"])
     larger = found.fitted(["coulomb_friction", "quadratic_drag"])
-    first, second = (np.mean(f.known_squares, axis=0).sum() for f in (smaller, larger))
+    first, second = (np.mean(f.training_squares, axis=0).sum() for f in (smaller, larger))
     assert second < first * 1.001
 
 
@@ -128,7 +128,7 @@ def test_an_imposed_motion_without_any_force_of_its_own():
     measured = {"displacement": displacement, "force": force}
     data = ModelData(t, v[:, None], measured, None, ("velocity",), ("displacement",), {"displacement": "m"})
     nothing = Model.from_dict({"plant": "force_element", "parameters": {"c": 0.0, "k": 0.0}})
-    found = Motion(*prepared(nothing, *held_out([data])), Criteria(), jobs=1)
+    found = OutputErrorEstimator(*prepared(nothing, *held_out([data])), Criteria(), jobs=1)
     assert found.base.parameters == {}
     both = found.fitted(["viscous_friction", "coulomb_friction"])
     assert both.parameters["viscous_friction.b"].value == pytest.approx(800.0, rel=0.02)
@@ -143,7 +143,9 @@ def test_gaps_several_records_and_missing_samples():
     cut = ModelData(
         whole.t[kept], whole.u[kept], {"displacement": holes[kept]}, None, whole.inputs, whole.states, whole.units
     )
-    found = Motion(*prepared(Model.from_dict(BASE), *held_out([cut, record(COULOMB, 3)])), Criteria(), jobs=1)
+    found = OutputErrorEstimator(
+        *prepared(Model.from_dict(BASE), *held_out([cut, record(COULOMB, 3)])), Criteria(), jobs=1
+    )
     assert not found.refused(found.base, found.fitted(["coulomb_friction"]))
 
 
@@ -151,7 +153,7 @@ def test_it_stops_when_asked():
     asked = []
     sides = prepared(Model.from_dict(BASE), *held_out([record(COULOMB, 1)]))
     with pytest.raises(CancelledError):
-        Motion(*sides, Criteria(), progress=asked.append, cancelled=lambda: len(asked) > 0).search(3)
+        OutputErrorEstimator(*sides, Criteria(), progress=asked.append, cancelled=lambda: len(asked) > 0).search(3)
     assert len(asked) == 1
 
 
@@ -168,7 +170,7 @@ def test_records_of_an_independent_program(group, index, tmp_path):
     folder = write(drawn, tmp_path)
     paths = [str(folder / f"{part}.csv") for part in ("estimation", "validation")]
     model, (known, unseen) = load_records(Model.load(folder / "model.yaml"), paths)
-    final = Motion(*prepared(model, [known], [unseen]), Criteria(), jobs=1).search(3)[-1][0]
+    final = OutputErrorEstimator(*prepared(model, [known], [unseen]), Criteria(), jobs=1).search(3)[-1][0]
     assert {*final.effects} == {*drawn.truth["hidden"]} - {"none"}
     assert final.white
 
@@ -210,34 +212,34 @@ def test_add_stands_for_the_values_that_diagnose_stands_for(monkeypatch):
     """It kept the motion's where `diagnose` takes those of the force: 17.2 and 6.43 % of a cart's effort."""
     base, known, unseen = Model.from_dict(BASE), record(COULOMB, 1), record(COULOMB, 2)
 
-    def of_the_force(w: Witnesses, f):
+    def of_the_force(w: Evidence, f):
         return w.motion.stated(f.effects, f.model.with_parameters({"coulomb_friction.mu": 1.75})) if f.effects else f
 
-    monkeypatch.setattr(Witnesses, "valued", of_the_force)
+    monkeypatch.setattr(Evidence, "valued", of_the_force)
     for found in (diagnose(base, known, unseen, jobs=1), add("coulomb_friction", base, known, unseen, jobs=1)):
         assert found.parameters["coulomb_friction.mu"].value == 1.75
 
 
 def test_what_the_force_found_of_a_law_is_a_start_beside_the_others(monkeypatch):
     """Where the force had a wave of order one, that of six, the best of all starts, was not tried."""
-    witness, tried = motion(Model.from_dict(BASE)), list[float]()
-    trial = trials(witness.problem, ["coulomb_friction"])[0]
+    estimator, tried = motion(Model.from_dict(BASE)), list[float]()
+    trial = trials(estimator.problem, ["coulomb_friction"])[0]
     trial = replace(trial, starts=tuple({"mu": 0.1 * (k + 1)} for k in range(16)))
-    of = witness.base.fit
+    of = estimator.base.fit
     monkeypatch.setattr(
         fitting, "fit", lambda problem, c, gains, theta, steps: tried.append(c.model.value("coulomb_friction.mu"))
     )
 
     def starts(one: Trial) -> set[float]:
         tried.clear()
-        assert fitting.climbed(witness.short, of, one) is None
+        assert fitting.climbed(estimator.short, of, one) is None
         return set(tried)
 
-    alone, witness.heard = starts(trial), {"coulomb_friction": {"mu": 5.0}}
+    alone, estimator.from_equation_error = starts(trial), {"coulomb_friction": {"mu": 5.0}}
     assert 0.1 in alone
-    heard = starts(witness._heard(trial))
-    assert {0.1, 5.0} <= heard
-    assert heard - {5.0} <= alone
+    from_equation_error = starts(estimator._heard(trial))
+    assert {0.1, 5.0} <= from_equation_error
+    assert from_equation_error - {5.0} <= alone
 
 
 def test_every_channel_is_judged_from_the_observer_that_predicts_it_best(monkeypatch):
@@ -245,10 +247,10 @@ def test_every_channel_is_judged_from_the_observer_that_predicts_it_best(monkeyp
     found = motion(Model.from_dict(BASE), channels=("displacement", "velocity"))
     known = {gains: (1.0 + abs(k - 1), 1.0 + abs(k - 2)) for k, gains in enumerate(g.tau for g in found.problem.levels)}
 
-    def windowed(problem: Problem, c: Candidate, theta: np.ndarray, gains: Gains) -> np.ndarray:
+    def windowed(problem: Problem, c: Candidate, theta: np.ndarray, gains: ObserverGains) -> np.ndarray:
         return np.tile(known[gains.tau] if problem is found.problem else 2 * (10.0 * gains.tau,), (5, 1))
 
-    monkeypatch.setattr(witness, "windowed", windowed)
+    monkeypatch.setattr(estimator, "windowed", windowed)
     squares, unseen = found._windows(found.base.fit.candidate, found.base.fit.theta)
     first, second = (10.0 * found.problem.levels[k].tau for k in (1, 2))
     assert squares == pytest.approx(np.ones((5, 2)))

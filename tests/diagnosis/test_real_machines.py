@@ -35,7 +35,7 @@ def diagnosed(model: Model, folder: str, names: Sequence[str], unseen: str) -> t
 
 
 def falls(found: Diagnosis, channel: str) -> float:
-    """Return the error on unseen data with what is proposed, over that of the model as it was."""
+    """Return the error on validation data with what is proposed, over that of the model as it was."""
     return found.ladder[-1].validation.channels[channel].rmse / found.ladder[0].validation.channels[channel].rmse
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from signlin_ros.diagnosis import diagnose, load_records
 from signlin_ros.diagnosis.comparison import compare
-from signlin_ros.diagnosis.results import Entry, Estimate
+from signlin_ros.diagnosis.results import ParameterEstimate, RankingEntry
 from signlin_ros.errors import InputError, RecordError, SimulationError
 from signlin_ros.fitting.prepare import held_out, prepared
 from signlin_ros.follow.outliers import without_outliers
@@ -113,7 +113,7 @@ def test_one_record_is_given_by_its_path_alone(tmp_path):
 
 
 def test_an_entry_of_a_ranking_shows_itself_as_a_table():
-    entry = Entry("lip_seal", "confirmed", {"mu": Estimate(0.08, 0.001, "N·m")}, None, (), "a < b")
+    entry = RankingEntry("lip_seal", "confirmed", {"mu": ParameterEstimate(0.08, 0.001, "N·m")}, None, (), "a < b")
     shown = entry._repr_html_()
     for words in ("<table>", "lip_seal", "mu = 0.0800 ± 0.0010 N·m", "a &lt; b"):
         assert words in shown

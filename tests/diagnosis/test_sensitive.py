@@ -11,7 +11,7 @@ from benchmarks.hidden.generator import draw, write
 from signlin_ros.diagnosis import diagnose
 from signlin_ros.fitting.candidate import candidate
 from signlin_ros.fitting.fit import fit
-from signlin_ros.fitting.following import SURE, _belief, _sought, follow_records
+from signlin_ros.fitting.following import MAX_START_DEVIATIONS, _belief, _sought, follow_records
 from signlin_ros.fitting.problem import prepare
 from signlin_ros.follow.segments import _first_slope
 from tests.diagnosis.test_hidden_effects import records
@@ -178,7 +178,7 @@ def test_a_fit_whose_sensitivities_run_away_is_given_up(tmp_path, monkeypatch):
 
 def test_where_a_record_starts_on_a_wave_is_sought_as_far_as_the_sensor_may_be_off():
     """An angle that starts two of its noise's deviations off: a weight was refused, its phase was another minimum."""
-    unknown, true = {0: (-1, SURE * 1.0)}, 1.9
+    unknown, true = {0: (-1, MAX_START_DEVIATIONS * 1.0)}, 1.9
 
     def run(x):
         left = np.array([2.0 * (1 - np.cos(3.0 * (x[0] - true))), 0.3 * (x[0] - true)])

@@ -11,9 +11,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from signlin_ros.diagnosis.force.search import Search
-from signlin_ros.diagnosis.force.subsets import Subsets
-from tests.diagnosis.test_force_witness import heard
+from signlin_ros.diagnosis.equation_error.search import SubsetSearch
+from signlin_ros.diagnosis.equation_error.subsets import Subsets
+from tests.diagnosis.test_force_witness import from_equation_error
 
 pytestmark = pytest.mark.xdist_group("subsets")  # what they share is worked out once
 
@@ -21,9 +21,9 @@ WEIGHT, CABLE, FRICTION = 20.0, 3.0, 4.0
 
 
 @cache
-def search() -> Search:
+def search() -> SubsetSearch:
     """Return the sets fitted to a lift: a weight and dry friction, each of which explains little by itself."""
-    return heard(lambda q, v: -WEIGHT - CABLE * q - FRICTION * np.tanh(1e4 * v), unit="m").search
+    return from_equation_error(lambda q, v: -WEIGHT - CABLE * q - FRICTION * np.tanh(1e4 * v), unit="m").search
 
 
 def test_what_is_left_is_what_least_squares_leaves():
@@ -45,7 +45,7 @@ def test_what_is_left_is_what_least_squares_leaves():
 
 def test_no_coefficient_has_a_sign_that_it_cannot_have():
     """Friction that drives is no friction."""
-    against = heard(lambda q, v: 2.0 * np.tanh(1e4 * v), unit="m").search
+    against = from_equation_error(lambda q, v: 2.0 * np.tanh(1e4 * v), unit="m").search
     found = Subsets(against.r, {"coulomb_friction": against.shapes["coulomb_friction"]})
     assert found.members
     assert np.isinf(found.left(np.array([[0]]), 1e-6)).all()

@@ -10,7 +10,7 @@ import pytest
 
 from signlin_ros.diagnosis import diagnose
 from signlin_ros.diagnosis.comparison import compare
-from signlin_ros.diagnosis.motion import CancelledError, Motion
+from signlin_ros.diagnosis.output_error import CancelledError, OutputErrorEstimator
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from tests.diagnosis.test_traps import SMALL, proposed, recorded
@@ -90,10 +90,10 @@ def test_inputs_that_were_sampled_are_told(hold: str, told: bool) -> None:
 def test_who_stops_a_diagnosis_stops_it_to_the_last(monkeypatch: pytest.MonkeyPatch) -> None:
     """What tries a model once more takes one that diverges for none, but not a wish to stop."""
 
-    def stopped(self: Motion, hold: str) -> Motion:
+    def stopped(self: OutputErrorEstimator, hold: str) -> OutputErrorEstimator:
         raise CancelledError("stopped")
 
-    monkeypatch.setattr(Motion, "acting", stopped)
+    monkeypatch.setattr(OutputErrorEstimator, "acting", stopped)
     with pytest.raises(CancelledError):
         diagnose(Model.from_dict(BASE), record(1, "centred", 3.0), record(2, "centred", 3.0))
 

@@ -11,7 +11,7 @@ import yaml
 from benchmarks.hidden.drives import CHANNELS, INPUT, MASS, MOTOR, Drive, excite
 from benchmarks.hidden.generator import draw, simulate, write
 from benchmarks.hidden.laws import STEP
-from signlin_ros.diagnosis import add, diagnose, words
+from signlin_ros.diagnosis import add, diagnose, messages
 from signlin_ros.effects.bouc_wen_hysteresis import BoucWenHysteresis
 from signlin_ros.errors import RecordError, SimulationError
 from signlin_ros.fitting.problem import prepare
@@ -163,7 +163,7 @@ def test_of_what_is_outside_the_catalogue_a_part_may_be_named_and_the_rest_is_to
     model, data, unseen = recorded(tmp_path, SMALL, law)
     found = diagnose(model, data, unseen)
     assert proposed(found) <= {"viscous_friction"}  # its mean over the way, which is really there
-    assert "What is left is" in words.remainder(found.findings)
+    assert "What is left is" in messages.remainder(found.findings)
     assert all(status(found, effect) in ("confirmed", "ambiguous") for effect in proposed(found))
     assert set(found.model.effects) == proposed(found)
 
@@ -390,7 +390,7 @@ def test_the_driving_torque_of_a_motor_without_inductance():
 
 
 def test_a_spring_beside_one_that_bends_is_a_spring(tmp_path):
-    """A known spring half as stiff again is the same model: which of the two is worse on unseen data is chance."""
+    """A known spring half as stiff again is the same model: which of the two is worse on validation data is chance."""
     hidden = {"linear_stiffness": {"k": 22.0}}
     found = diagnose(*recorded(tmp_path, BENCH, hidden, exc=("slow", "steps"), level=0.02))
     assert found.verdict == "missing"

@@ -11,7 +11,7 @@ from signlin_ros.compiled import scales
 from signlin_ros.export import export
 from signlin_ros.export.base import NotRunError
 from signlin_ros.export.c import TARGET
-from signlin_ros.export.compiler import STRICT, build, compiler, zig
+from signlin_ros.export.compiler import STRICT_FLAGS, build, compiler, zig
 from signlin_ros.export.excitation import standard_excitation
 from signlin_ros.export.functions import smooth_rates
 from signlin_ros.export.matrix import models
@@ -200,7 +200,18 @@ def test_compiles_for_other_machines(tmp_path, machine):
             " double cos(double); double pow(double, double); double sqrt(double);\n#endif\n"
         )
     target, *more = machine.split()
-    command = [*zig(), "-target", target, *more, *STRICT, "-O2", "-I", str(tmp_path), "-c", str(tmp_path / "drive.c")]
+    command = [
+        *zig(),
+        "-target",
+        target,
+        *more,
+        *STRICT_FLAGS,
+        "-O2",
+        "-I",
+        str(tmp_path),
+        "-c",
+        str(tmp_path / "drive.c"),
+    ]
     done = subprocess.run([*command, "-o", str(tmp_path / "drive.o")], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "drive.o").stat().st_size > 0

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from signlin_ros.export import export
-from signlin_ros.export.base import Drive
+from signlin_ros.export.base import ExportedDrive
 from signlin_ros.export.fmu import TARGET
 from signlin_ros.export.loss import reference
 from signlin_ros.model import Model
@@ -27,7 +27,7 @@ def unit(tmp_path_factory):
 
 def _drive():
     t = np.arange(0.0, 10.0, 0.01)
-    return Drive(t, 3.0 * np.sin(2 * np.pi * 1.1 * t)[:, None], t, np.zeros(2))
+    return ExportedDrive(t, 3.0 * np.sin(2 * np.pi * 1.1 * t)[:, None], t, np.zeros(2))
 
 
 def test_ten_seconds_with_twenty_reversals_are_our_smooth_run(unit):

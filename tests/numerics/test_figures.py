@@ -137,7 +137,7 @@ def test_the_error_of_the_oscillator_falls_with_the_period(errors: Mapping[str, 
     """Against f_j: order 1 for start; about 1.7 or better for midpoint."""
     orders = {name: figure_5.observed_orders(values) for name, values in errors.items()}
     assert orders["start"][-1] == pytest.approx(1.0, abs=0.35)
-    overall = np.polyfit(np.log(figure_5.PERIODS), np.log(errors["midpoint"]), 1)[0]
+    overall = np.polyfit(np.log(figure_5.OBSERVED_PERIODS), np.log(errors["midpoint"]), 1)[0]
     assert 1.5 <= overall <= 2.5
 
 
@@ -163,13 +163,13 @@ def test_the_restoring_force_is_what_accelerates_the_mass(oscillator: Oscillator
 
 def test_of_falling_friction_the_tangent_s_slope_alone_is_an_unstable_drive() -> None:
     model = line.coasting_shaft()
-    T, L = line.tangent_and_line(model, line.SPEED)
+    T, L = line.tangent_and_line(model, line.LINE_SPEED)
     J, mu = model.value("m"), model.value("stribeck_friction.mu")
     f = -mu * (1 + np.exp(-1)) / J  # at v_s, where the excess, as large as mu, has fallen to 1/e
     for linear in (T, L):
-        assert linear.A[1, 1] * line.SPEED + linear.c[1] == pytest.approx(f, rel=1e-6)
-    assert T.A[1, 1] == pytest.approx(2 * mu / J * np.exp(-1) / line.SPEED, rel=1e-6)
-    assert (L.A[1, 1], L.c[1]) == (pytest.approx(f / line.SPEED, rel=1e-6), 0)
+        assert linear.A[1, 1] * line.LINE_SPEED + linear.c[1] == pytest.approx(f, rel=1e-6)
+    assert T.A[1, 1] == pytest.approx(2 * mu / J * np.exp(-1) / line.LINE_SPEED, rel=1e-6)
+    assert (L.A[1, 1], L.c[1]) == (pytest.approx(f / line.LINE_SPEED, rel=1e-6), 0)
     assert T.c[1] < f
 
 
@@ -177,7 +177,7 @@ def test_coasting_in_closed_form_is_the_linear_model() -> None:
     t = np.linspace(0, line.COASTING, 2001)
     x = line.coasted(t, 3.0, -20.0)
     np.testing.assert_allclose(np.gradient(x, t)[1:-1], (3.0 * x - 20.0)[1:-1], rtol=1e-4)
-    assert x[0] == line.SPEED
+    assert x[0] == line.LINE_SPEED
 
 
 # ---------------------------------------------------------------- the files

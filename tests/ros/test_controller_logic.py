@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from signlin_ros.control.controller import Controller, Settings
+from signlin_ros.control.controller import Controller, ControllerSettings
 from signlin_ros.errors import InputError
 from signlin_ros.linearization import Linearizer
 from signlin_ros.model import Model
@@ -15,7 +15,7 @@ from signlin_ros.simulation import Stepper
 
 MODEL = Model.load("dc_motor")
 PERIOD = 20_000_000
-SETTINGS = Settings(limit=12.0, speed=5.0)
+SETTINGS = ControllerSettings(limit=12.0, speed=5.0)
 
 
 def message(model: Model, now: int) -> list[float]:
@@ -57,7 +57,7 @@ def sine(t: float) -> float:
 def test_it_tracks_and_friction_is_what_makes_the_difference():
     rms = {}
     for design in ("friction_free", "turning_integral"):
-        loop = Loop(ControllerLogic(MODEL, Settings(limit=12.0, speed=5.0, design=design)))
+        loop = Loop(ControllerLogic(MODEL, ControllerSettings(limit=12.0, speed=5.0, design=design)))
         loop.run(8.0, sine)
         rms[design] = np.sqrt(np.mean(np.square(loop.errors[200:])))
     assert rms["turning_integral"] < 0.3 * rms["friction_free"]
@@ -130,7 +130,7 @@ def test_a_model_with_states_that_nobody_measures_is_taken():
 
 
 def test_positions_without_speeds_and_without_rates_of_the_reference_suffice():
-    settings = Settings(limit=12.0, speed=5.0, position=True)
+    settings = ControllerSettings(limit=12.0, speed=5.0, position=True)
     logic = ControllerLogic(MODEL, settings, needs_model=False)
     plant = Stepper(MODEL.with_options(with_position=True))
     u, errors, now = 0.0, [], NANO
@@ -152,7 +152,7 @@ def test_positions_without_speeds_and_without_rates_of_the_reference_suffice():
 
 
 def test_the_input_stays_within_the_limit_and_is_finite():
-    logic = ControllerLogic(MODEL, Settings(limit=1.0, speed=5.0))
+    logic = ControllerLogic(MODEL, ControllerSettings(limit=1.0, speed=5.0))
     rng = np.random.default_rng(3)
     for k in range(200):
         now = k * PERIOD
@@ -168,11 +168,11 @@ def test_the_input_stays_within_the_limit_and_is_finite():
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        (lambda: Settings(limit=0.0), "limit"),
-        (lambda: Settings(limit=float("inf")), "limit"),
+        (lambda: ControllerSettings(limit=0.0), "limit"),
+        (lambda: ControllerSettings(limit=float("inf")), "limit"),
         (lambda: Controller(MODEL.with_options(with_load_torque=True), SETTINGS), "load_torque"),
         (lambda: Controller(Model.load("force_element"), SETTINGS), "imposed"),
-        (lambda: Controller(MODEL, Settings(limit=1.0, design="lqg")), "lqg"),
+        (lambda: Controller(MODEL, ControllerSettings(limit=1.0, design="lqg")), "lqg"),
     ],
 )
 def test_what_does_not_go_is_refused(settings, words):

@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed: pip install 'signlin_ros[ros]'")
 
-from signlin_ros.nodes.gather import LATEST, REMEMBERED, Gathering
+from signlin_ros.nodes.gather import CLOCK_MESSAGES, MAX_MESSAGE_AGE, Gathering
 
 NOW = 10**18
 
@@ -34,14 +34,19 @@ def times(*lags: int) -> list[int]:
 
 
 def test_a_message_that_is_held_up_counts_from_when_it_was_sent() -> None:
-    assert times(1000, LATEST + 40_000_000, 2 * LATEST, 3000) == [-1000, -LATEST - 40_000_000, -2 * LATEST, -3000]
+    assert times(1000, MAX_MESSAGE_AGE + 40_000_000, 2 * MAX_MESSAGE_AGE, 3000) == [
+        -1000,
+        -MAX_MESSAGE_AGE - 40_000_000,
+        -2 * MAX_MESSAGE_AGE,
+        -3000,
+    ]
 
 
 def test_clocks_that_do_not_agree_are_not_compared() -> None:
-    assert times(2 * LATEST, 3 * LATEST, -1000) == [0, 0, 0]
+    assert times(2 * MAX_MESSAGE_AGE, 3 * MAX_MESSAGE_AGE, -1000) == [0, 0, 0]
 
 
 def test_clocks_that_agree_no_more_are_not_compared_any_longer() -> None:
-    found = times(1000, *[2 * LATEST] * REMEMBERED)
-    assert found[1] == -2 * LATEST
+    found = times(1000, *[2 * MAX_MESSAGE_AGE] * CLOCK_MESSAGES)
+    assert found[1] == -2 * MAX_MESSAGE_AGE
     assert found[-1] == 0

@@ -60,7 +60,7 @@ def settled(live: SimpleNamespace, **given: str) -> tuple[list[Any], dict[str, s
 
 
 def test_the_shipped_motor_gets_a_controller_that_starts(live: SimpleNamespace) -> None:
-    from signlin_ros.control.controller import Controller, Settings
+    from signlin_ros.control.controller import Controller, ControllerSettings
     from signlin_ros.model import Model
 
     (node,), arguments = settled(live)
@@ -68,7 +68,7 @@ def test_the_shipped_motor_gets_a_controller_that_starts(live: SimpleNamespace) 
     assert node.named["executable"] == "controller"
     assert options["joint_name"] == arguments["joint_name"]
     assert Path(file).is_file()
-    Controller(Model.load(Path(file)), Settings(options["limit"]))
+    Controller(Model.load(Path(file)), ControllerSettings(options["limit"]))
 
 
 @pytest.mark.parametrize("limit", ["", "0"])

@@ -11,7 +11,7 @@ from signlin_ros.errors import InputError
 from signlin_ros.linearization import Linearizer
 from signlin_ros.model import Model
 from signlin_ros.nodes.joint import joint_values, measured_states
-from signlin_ros.nodes.linearizer_logic import ERROR, MOST_LATE, NANO, OK, WARN, LinearizerLogic, Refusal
+from signlin_ros.nodes.linearizer_logic import ERROR, LEVEL_OK, MOST_LATE, NANO, WARN, LinearizerLogic, Refusal
 
 PERIOD = NANO // 5
 X = np.array([0.4, 5.0])
@@ -68,7 +68,7 @@ def test_no_update_from_a_state_that_is_too_old(logic: LinearizerLogic) -> None:
     logic.take_state(X, 20 * PERIOD)
     (update,) = logic.updates(21 * PERIOD)
     assert update.sequence == 3
-    assert logic.health(21 * PERIOD).level == OK
+    assert logic.health(21 * PERIOD).level == LEVEL_OK
 
 
 def test_state_timeout_is_a_parameter(motor: Model) -> None:
@@ -217,7 +217,7 @@ def test_states_without_a_finite_model_are_an_error(motor: Model) -> None:
     assert "no model: no finite" in health.message
     logic.take_state(X, 4 * PERIOD - 1)
     assert len(logic.updates(4 * PERIOD)) == 1
-    assert logic.health(4 * PERIOD).level == OK
+    assert logic.health(4 * PERIOD).level == LEVEL_OK
 
 
 def test_joint_and_states_are_inverse(motor: Model) -> None:

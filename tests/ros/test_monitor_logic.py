@@ -13,8 +13,8 @@ from signlin_ros.errors import InputError, SignlinError
 from signlin_ros.linearization import Linearizer
 from signlin_ros.model import Model
 from signlin_ros.nodes.diagnosing import Naming
-from signlin_ros.nodes.linearizer_logic import ERROR, NANO, OK, WARN, Refusal, Update
-from signlin_ros.nodes.monitor_logic import MonitorLogic, Score, Settings
+from signlin_ros.nodes.linearizer_logic import ERROR, LEVEL_OK, NANO, WARN, Refusal, Update
+from signlin_ros.nodes.monitor_logic import MonitorLogic, MonitorScore, MonitorSettings
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 from live_changes import CHANGES, NOISE, QUANTUM, STEP, Machine
@@ -29,9 +29,9 @@ class Run:
     """A machine under the monitor, and a linearizer that is always right about the state."""
 
     def __init__(self, seed: int, model: Model = MOTOR) -> None:
-        self.rig, self.logic = Machine(np.random.default_rng(seed)), MonitorLogic(Settings(learn=LEARN), 0)
+        self.rig, self.logic = Machine(np.random.default_rng(seed)), MonitorLogic(MonitorSettings(learn=LEARN), 0)
         self.model, self.core, self.k = model, Linearizer(model), 0
-        self.scores: list[Score] = []
+        self.scores: list[MonitorScore] = []
         self.alarms: list[float] = []
         self.logic.configure(model, 0)
 
@@ -76,7 +76,7 @@ def test_a_change_is_called_and_named(change: str) -> None:
 
 def test_what_has_changed_is_not_asked_where_too_little_is_kept() -> None:
     run = Run(3001)
-    run.logic = MonitorLogic(Settings(keep=5.0, learn=LEARN), 0)
+    run.logic = MonitorLogic(MonitorSettings(keep=5.0, learn=LEARN), 0)
     run.logic.configure(MOTOR, 0)
     run.go(AT)
     run.rig.change("friction")
@@ -97,7 +97,7 @@ def test_a_healthy_machine_is_left_alone_and_friction_in_the_model_pays() -> Non
     run = Run(3100)
     run.go(60.0)
     assert not run.alarms
-    assert run.logic.health(round(60.0 * NANO)).level == OK
+    assert run.logic.health(round(60.0 * NANO)).level == LEVEL_OK
     speed = MOTOR.states.index("speed")
     errors = np.abs([(score.error[speed], score.bare[speed]) for score in run.scores])
     model, bare = np.median(errors, axis=0)
@@ -131,7 +131,7 @@ def test_what_is_kept_becomes_a_record() -> None:
 
 
 def test_bad_messages_change_nothing() -> None:
-    logic = MonitorLogic(Settings(), 0)
+    logic = MonitorLogic(MonitorSettings(), 0)
     assert logic.health(0).level == WARN
     logic.configure(MOTOR, 0)
     logic.take_shown({"position": 1.0}, NANO)

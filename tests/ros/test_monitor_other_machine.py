@@ -9,7 +9,7 @@ import pytest
 
 from signlin_ros.model import Model
 from signlin_ros.nodes.linearizer_logic import NANO
-from signlin_ros.nodes.monitor_logic import MonitorLogic, Settings
+from signlin_ros.nodes.monitor_logic import MonitorLogic, MonitorSettings
 from signlin_ros.observe.naming import Named
 from signlin_ros.simulation import Stepper
 
@@ -36,7 +36,7 @@ class Rig:
         self.true = MOTOR.with_parameters({n: MOTOR.value(n) * (1 + wrong * self.random.uniform(-1, 1)) for n in names})
         self.plant = Stepper(self.true, np.array([0.0, 0.0, self.reference(0.0)[0]]))
         self.k, self.shift, self.gain, self.u = 0, 0.0, 1.0, 0.0
-        self.logic = MonitorLogic(Settings(keep=AT + SEEN + 1, learn=LEARN), 0)
+        self.logic = MonitorLogic(MonitorSettings(keep=AT + SEEN + 1, learn=LEARN), 0)
         self.logic.configure(MOTOR, 0)
 
     @staticmethod

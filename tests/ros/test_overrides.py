@@ -11,7 +11,7 @@ import yaml
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import InputError, ModelError
 from signlin_ros.model import Model, shipped_models
-from signlin_ros.nodes.overrides import Entry, changed, check_none_lost, entries_of, model_of, nested
+from signlin_ros.nodes.overrides import Overridable, changed, check_none_lost, entries_of, model_of, nested
 
 EFFECT = '''
 from signlin_ros.effects import Effect
@@ -225,14 +225,14 @@ def test_bad_changes_are_refused_with_the_reason(name: str, value: object, text:
 
 
 def test_entries_check_types_ranges_and_choices() -> None:
-    assert Entry(1.0, "").check("rate", 2) == 2.0
-    assert isinstance(Entry(1.0, "").check("rate", 2), float)
+    assert Overridable(1.0, "").check("rate", 2) == 2.0
+    assert isinstance(Overridable(1.0, "").check("rate", 2), float)
     for entry, value, text in (
-        (Entry(1.0, "", 0.0, 5.0), 9, r"rate: found 9; allowed: \[0, 5\]"),
-        (Entry(1.0, "", 0.0, 5.0), float("nan"), "nan"),
-        (Entry(1, ""), 2.5, "a whole number"),
-        (Entry(False, ""), 1, "true or false"),
-        (Entry("a", "", choices=("array", "joint_state")), "arry", "did you mean 'array'"),
+        (Overridable(1.0, "", 0.0, 5.0), 9, r"rate: found 9; allowed: \[0, 5\]"),
+        (Overridable(1.0, "", 0.0, 5.0), float("nan"), "nan"),
+        (Overridable(1, ""), 2.5, "a whole number"),
+        (Overridable(False, ""), 1, "true or false"),
+        (Overridable("a", "", choices=("array", "joint_state")), "arry", "did you mean 'array'"),
     ):
         with pytest.raises(InputError, match=text):
             entry.check("rate", value)

@@ -12,7 +12,7 @@ import pytest
 pytest.importorskip("rclpy", reason="ROS 2 is not installed: pip install 'signlin_ros[ros]'")
 
 from signlin_ros.errors import InputError
-from sim_nodes.up import Plan
+from sim_nodes.up import StartPlan
 
 
 def test_two_joints_in_one_process(graph: Any) -> None:
@@ -31,15 +31,15 @@ def test_two_joints_in_one_process(graph: Any) -> None:
 
 
 def test_what_a_plan_says() -> None:
-    plan = Plan("dc_motor", without=("controller",), parameters=("monitor.learn=5.0", "update_period=0.1"))
+    plan = StartPlan("dc_motor", without=("controller",), parameters=("monitor.learn=5.0", "update_period=0.1"))
     assert plan.names() == ["plant_simulator", "linearizer", "monitor"]
     assert "learn:=5.0" in plan.arguments("monitor", "")
     assert "learn:=5.0" not in plan.arguments("linearizer", "")
     assert "update_period:=0.1" in plan.arguments("linearizer", "joint1")
     assert "__ns:=/joint1" in plan.arguments("linearizer", "joint1")
-    assert "controller" not in Plan("dc_motor").names()  # nobody has said what the drive may be given
-    assert "controller" in Plan("dc_motor", parameters=("controller.limit=12.0",)).names()
+    assert "controller" not in StartPlan("dc_motor").names()  # nobody has said what the drive may be given
+    assert "controller" in StartPlan("dc_motor", parameters=("controller.limit=12.0",)).names()
     with pytest.raises(InputError, match="no node"):
-        Plan("dc_motor", without=("monitr",)).names()
+        StartPlan("dc_motor", without=("monitr",)).names()
     with pytest.raises(InputError, match=r"NODE\.NAME=VALUE"):
-        Plan("dc_motor", parameters=("learn",)).arguments("monitor", "")
+        StartPlan("dc_motor", parameters=("learn",)).arguments("monitor", "")

@@ -7,9 +7,9 @@ import jsonschema
 import numpy as np
 import pytest
 
-from signlin_ros.arms.data import Run, effort_step
+from signlin_ros.arms.data import ArmRun, effort_step
 from signlin_ros.arms.laws import EXTRA, Loads, column, force
-from signlin_ros.arms.piece import Piece, Rows
+from signlin_ros.arms.piece import ArmSegment, RegressionRows
 from signlin_ros.arms.told import compared_json, diagnosed_json, effects_named, sentences
 from signlin_ros.arms.verbs import add, compare, diagnose
 from signlin_ros.cli import main
@@ -27,7 +27,7 @@ pytestmark = pytest.mark.slow
 
 def run(truth, seed, **options):
     t, q, v, u = record(truth, seed, **options)
-    return Run(t, q, v, u, "simulated", np.zeros(q.shape[1]))
+    return ArmRun(t, q, v, u, "simulated", np.zeros(q.shape[1]))
 
 
 def heavier(model):
@@ -111,7 +111,7 @@ def test_a_wrong_gain_is_told_from_friction_and_its_neighbour_is_left_in_peace(n
     for one in nothing_hidden:
         tau = one.tau.copy()
         tau[:, 1] *= 1.25
-        wrong.append(Run(one.t, one.q, one.v, tau, one.source, one.steps))
+        wrong.append(ArmRun(one.t, one.q, one.v, tau, one.source, one.steps))
     found = diagnose(MODEL, [wrong[0]], [wrong[1]], BAND)
     assert set(named(found)) == {"shoulder"}
     assert named(found)["shoulder"][0] == "sensor_gain"
@@ -131,15 +131,15 @@ def test_the_load_of_friction_is_the_models_and_never_the_measured_effort(nothin
     loads = Loads(MODEL.robot, MODEL.robot.pi)
 
     def columns(one):
-        return column(law, 0.0, Rows([Piece(MODEL.robot, MODEL.arm_plant.places, one, BAND)]), 1, loads)
+        return column(law, 0.0, RegressionRows([ArmSegment(MODEL.robot, MODEL.arm_plant.places, one, BAND)]), 1, loads)
 
-    other = Run(known.t, known.q, known.v, 3.0 * known.tau, known.source, known.steps)
+    other = ArmRun(known.t, known.q, known.v, 3.0 * known.tau, known.source, known.steps)
     assert (columns(known) == columns(other)).all()
 
 
 def test_a_column_is_the_effects_own_force(nothing_hidden):
     known, _ = nothing_hidden
-    piece = Piece(MODEL.robot, MODEL.arm_plant.places, known, BAND)
+    piece = ArmSegment(MODEL.robot, MODEL.arm_plant.places, known, BAND)
     load = Loads(MODEL.robot, MODEL.robot.pi).of(piece)
     values = {"mu": 0.5, "excess": 0.3, "v_s": 0.2}
     v = piece.speed[:, 1]
@@ -234,7 +234,7 @@ def test_an_effort_of_few_levels_is_refused(nothing_hidden):
         step = 0.4 * tau[:, 2].std()
         tau[:, 2] = step * np.round(tau[:, 2] / step)
         steps = np.array([effort_step(c) for c in tau.T])
-        coarse.append(Run(one.t, one.q, one.v, tau, one.source, steps))
+        coarse.append(ArmRun(one.t, one.q, one.v, tau, one.source, steps))
     assert coarse[0].steps[0] == 0.0
     found = diagnose(MODEL.without_effect("elbow.coulomb_friction"), [coarse[0]], [coarse[1]], BAND)
     assert "refused" in sentences(found)[2]
@@ -242,7 +242,7 @@ def test_an_effort_of_few_levels_is_refused(nothing_hidden):
 
 
 def test_all_efforts_off_by_one_factor_change_no_name(loaded_friction):
-    scaled = [Run(r.t, r.q, r.v, 1.3 * r.tau, r.source, r.steps) for r in loaded_friction]
+    scaled = [ArmRun(r.t, r.q, r.v, 1.3 * r.tau, r.source, r.steps) for r in loaded_friction]
     content = {**MODEL.to_dict(), "robot": str(MODEL.folder / MODEL.arm.robot)}
     for name in MODEL.robot.names:
         content[name] = {"effects": content[name]["effects"]}
@@ -271,6 +271,7 @@ def test_no_name_comes_of_chance_where_many_laws_are_tried(nothing_hidden):
     rng = np.random.default_rng(7)
     for _ in range(3):  # other noise on the same motion
         noisy = [
-            Run(r.t, r.q, r.v, r.tau + 0.02 * rng.normal(size=r.tau.shape), r.source, r.steps) for r in (known, unseen)
+            ArmRun(r.t, r.q, r.v, r.tau + 0.02 * rng.normal(size=r.tau.shape), r.source, r.steps)
+            for r in (known, unseen)
         ]
         assert named(diagnose(MODEL, [noisy[0]], [noisy[1]], BAND)) == {}

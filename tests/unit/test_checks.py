@@ -21,7 +21,7 @@ from signlin_ros.checks.direction import with_direction
 from signlin_ros.checks.exchanged import exchanged
 from signlin_ros.checks.factors import other_units
 from signlin_ros.checks.look import Look
-from signlin_ros.checks.observer import Prediction
+from signlin_ros.checks.observer import LinearPrediction
 from signlin_ros.cli import main
 from signlin_ros.errors import InputError, RecordError
 from signlin_ros.model import Model
@@ -1036,5 +1036,5 @@ def test_what_an_observer_is_left_nothing_of_is_no_fault():
     grams = np.zeros((1, 4, 4))
     grams[0, :2, :2] = [[2.0, 0.3], [0.3, 1.0]]
     sources = ("voltage", "speed", "load", "dry friction")
-    found = Prediction(("speed",), sources, grams, np.ones(1), 1000, {"load": "", "dry friction": "speed"})
+    found = LinearPrediction(("speed",), sources, grams, np.ones(1), 1000, {"load": "", "dry friction": "speed"})
     assert found.left() == pytest.approx(np.sqrt(3.6))

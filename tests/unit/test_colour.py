@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from signlin_ros.comparison.residuals import Colour, colours, correlations, related, residual_test, white
-from signlin_ros.diagnosis.motion.score import beyond_noise, gain
+from signlin_ros.diagnosis.output_error.score import beyond_noise, gain
 
 T = 4000
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from signlin_ros.observe.detect import BLOCK, ChangeDetector
+from signlin_ros.observe.detect import BLOCK_SECONDS, ChangeDetector
 
 STEP = 0.005
 
@@ -29,7 +29,7 @@ def test_larger_innovations_are_called_within_a_second_and_dated(seed: int) -> N
     alarm = ChangeDetector().take(t, z)
     assert alarm is not None
     assert 45.0 <= alarm.t < 46.0
-    assert alarm.onset == pytest.approx(45.0, abs=2 * BLOCK)
+    assert alarm.onset == pytest.approx(45.0, abs=2 * BLOCK_SECONDS)
 
 
 def test_a_shift_is_called_at_once_and_one_wild_value_is_not() -> None:

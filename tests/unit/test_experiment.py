@@ -12,19 +12,19 @@ import pytest
 import yaml
 
 from signlin_ros import cli
-from signlin_ros.diagnosis.case import case
-from signlin_ros.diagnosis.criteria import DEFAULT
-from signlin_ros.diagnosis.motion import Motion
+from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA
+from signlin_ros.diagnosis.dataset import dataset_of
+from signlin_ros.diagnosis.output_error import OutputErrorEstimator
 from signlin_ros.diagnosis.rivals import rival
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import InputError
-from signlin_ros.experiment.families import FAMILIES, asked_by
+from signlin_ros.experiment.families import COMMAND_FAMILIES, asked_by
 from signlin_ros.experiment.limits import limits_of
 from signlin_ros.experiment.naming import open_names
-from signlin_ros.experiment.parts import KINDS, Part, in_words, rendered, slowed
-from signlin_ros.experiment.plan import Plan
+from signlin_ros.experiment.parts import PART_KINDS, Part, in_words, rendered, slowed
+from signlin_ros.experiment.plan import ExperimentPlan
 from signlin_ros.experiment.search import changed
-from signlin_ros.experiment.setting import Known, chosen
+from signlin_ros.experiment.setting import KnownLimits, chosen
 from signlin_ros.fitting.problem import prepare
 from signlin_ros.follow.data import load_sides
 from signlin_ros.model import Model
@@ -42,14 +42,14 @@ def run(*arguments):
 # -------------------------------------------------------------------- parts of a command
 
 
-@pytest.mark.parametrize("kind", [*KINDS])
+@pytest.mark.parametrize("kind", [*PART_KINDS])
 def test_a_part_stays_within_its_peak_and_comes_near_it(kind):
     values = Part(kind, 2.0, 2.0).values(np.arange(0.0, 2.0, 0.001), 2.0)
     assert np.abs(values).max() <= 2.0 + 1e-9
     assert np.abs(values).max() > 1.5 or kind == "rest"
 
 
-@pytest.mark.parametrize("family", FAMILIES, ids=lambda f: f.name)
+@pytest.mark.parametrize("family", COMMAND_FAMILIES, ids=lambda f: f.name)
 def test_a_command_rests_at_both_ends(family):
     u = rendered(family.at(3.0), T)
     assert np.all(u[:20] == 0.0)
@@ -71,7 +71,7 @@ def test_a_command_that_is_slow_enough_is_not_changed_by_a_slew_limit():
 
 
 def test_changed_parts_keep_the_largest_peak():
-    g, parts = np.random.default_rng(0), FAMILIES[0].at(2.0)
+    g, parts = np.random.default_rng(0), COMMAND_FAMILIES[0].at(2.0)
     for _ in range(50):
         parts = changed(g, parts)
         assert max(abs(p.peak) for p in parts) <= 2.0
@@ -173,8 +173,8 @@ def test_the_report_has_a_preview_of_both_rivals(one_way, planned):
 @pytest.mark.slow
 def test_the_json_of_a_diagnosis_is_planned_for_in_a_process_of_its_own(one_way, tmp_path):
     model, data, _ = load_sides(Model.load(one_way / "model.yaml"), [one_way / "first.csv"], ())
-    made = case(model, data)
-    motion = Motion(made.problem, made.unseen, DEFAULT, 1)
+    made = dataset_of(model, data)
+    motion = OutputErrorEstimator(made.problem, made.unseen, DEFAULT_CRITERIA, 1)
     rivals = [rival(motion.fitted([name])).to_json() for name in ("coulomb_friction", "constant_load")]
     content = {"ranking": [], "ladder": [{"effects": ["coulomb_friction"]}], "rivals": rivals}
     content |= {"given_model": made.model.to_yaml(), "data": ["first.csv"]}
@@ -206,7 +206,7 @@ def test_where_nothing_ties_the_best_of_what_was_rejected_is_looked_at():
 
 def test_of_each_family_the_simplest_laws_are_planned_for():
     def known(effect, size):
-        return Known((effect,), None, ("p",) * size, np.eye(size))
+        return KnownLimits((effect,), None, ("p",) * size, np.eye(size))
 
     rivals = [known("lugre_friction", 6), known("constant_load", 1), known("stribeck_friction", 3)]
     rivals += [known("dahl_presliding", 2), known("coulomb_friction", 1), known("play_friction", 3)]
@@ -296,7 +296,7 @@ def test_a_reference_is_written_as_a_trajectory_message():
     t = 0.5 * np.arange(4)
     told = {"verdict": "enough", "sentence": "", "words": "", "input": "goal_position", "unit": "rad", "rivals": ()}
     none = {"pairs": (), "families": (), "limits": {}, "assumed": (), "visits": {}, "units": {}, "smallest": {}}
-    plan = Plan(t=t, u=np.array([0.0, 1.0, 1.0, 0.0]), spare=0.2, reference=True, **told, **none)
+    plan = ExperimentPlan(t=t, u=np.array([0.0, 1.0, 1.0, 0.0]), spare=0.2, reference=True, **told, **none)
     message = yaml.safe_load(plan.to_trajectory("elbow"))
     assert message["joint_names"] == ["elbow"]
     assert [p["positions"] for p in message["points"]] == [[0], [1], [1], [0]]

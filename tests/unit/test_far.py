@@ -7,16 +7,16 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from signlin_ros.diagnosis.criteria import DEFAULT
-from signlin_ros.diagnosis.motion.fitted import Fitted, Known
+from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA
+from signlin_ros.diagnosis.output_error.fitted import FittedCoordinate, FittedModel
 from signlin_ros.fitting.candidate import Coordinate
 
 
 def far(nominal: float, tolerance: float, value: float) -> dict[str, float]:
     k, model, fit = Coordinate("c", True, nominal, -50.0, 50.0, 0.0, tolerance), cast(Any, None), cast(Any, None)
-    one, nothing = Known(k, k.theta(value), 0.0), np.zeros((1, 1))
-    found = Fitted((), model, {}, nothing, nothing, np.ones(1), fit, (one,), (), tuple, lambda index: 0.0)
-    return found.far(DEFAULT)
+    one, nothing = FittedCoordinate(k, k.theta(value), 0.0), np.zeros((1, 1))
+    found = FittedModel((), model, {}, nothing, nothing, np.ones(1), fit, (one,), (), tuple, lambda index: 0.0)
+    return found.far(DEFAULT_CRITERIA)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from signlin_ros.engine.compiling import caller
 from signlin_ros.engine.native import native
 from signlin_ros.engine.tape import Tape
-from signlin_ros.mathops import SMOOTH, WORDS, NumpyMath, Recorder, SympyMath
+from signlin_ros.mathops import SMOOTH_FUNCTIONS, VOCABULARY, NumpyMath, Recorder, SympyMath
 
 CASES = {
     "sign": lambda m, x: m.sign(x),
@@ -19,7 +19,7 @@ CASES = {
     "contact": lambda m, x: m.contact(x),
     "clip": lambda m, x: m.clip(x, 0.7),
     "dead_zone": lambda m, x: m.dead_zone(x, 0.7),
-    **{name: lambda m, x, name=name: getattr(m, name)(x) for name in SMOOTH},
+    **{name: lambda m, x, name=name: getattr(m, name)(x) for name in SMOOTH_FUNCTIONS},
     **{name: lambda m, x, name=name: getattr(m, name)(x * x) for name in ("sqrt", "log1p")},
     **{f"abs_power {n}": lambda m, x, n=n: m.abs_power(x, n) for n in (1.0, 2.0, 3.0, 1.5, 7.25)},
     **{f"signed_power {n}": lambda m, x, n=n: m.signed_power(x, n) for n in (1.0, 2.0, 3.0, 1.5, 7.25)},
@@ -54,7 +54,7 @@ def test_numpy_recorder_and_sympy_agree(name, value):
     assert rendered(CASES[name], value) == pytest.approx(want, rel=1e-14, abs=1e-15)
 
 
-@pytest.mark.parametrize("name", SMOOTH)
+@pytest.mark.parametrize("name", SMOOTH_FUNCTIONS)
 @pytest.mark.parametrize("x", [0.01, 0.25, 1.9])
 def test_smooth_words_are_compiled_with_their_derivatives(name, x):
     z = ca.SX.sym("z")
@@ -71,8 +71,8 @@ def test_smooth_words_are_compiled_with_their_derivatives(name, x):
 
 def test_every_vocabulary_has_every_word():
     for m in (NumpyMath(), Recorder(), SympyMath()):
-        assert all(callable(getattr(m, word)) for word in WORDS)
-    assert set(SMOOTH) < set(WORDS)
+        assert all(callable(getattr(m, word)) for word in VOCABULARY)
+    assert set(SMOOTH_FUNCTIONS) < set(VOCABULARY)
 
 
 @given(st.floats(-1e3, 1e3), st.floats(0.0, 1e3))

@@ -351,7 +351,7 @@ def test_large_tables_are_read_as_small_ones_are(
         return record.t.tobytes(), values, lines, tuple(map(str, record.notes))
 
     slow = outcome()
-    monkeypatch.setattr(regular, "LARGE", 0)
+    monkeypatch.setattr(regular, "MIN_REGULAR_LENGTH", 0)
     if pyarrow:
         pytest.importorskip("pyarrow")
     else:
@@ -361,6 +361,6 @@ def test_large_tables_are_read_as_small_ones_are(
 
 @pytest.mark.parametrize("name", ["plain", "empty cells", "nan", "no header", "units", "header in a comment", "no end"])
 def test_large_plain_tables_take_the_quick_way(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(regular, "LARGE", 0)
+    monkeypatch.setattr(regular, "MIN_REGULAR_LENGTH", 0)
     found = regular.regular(LARGE[name], "run.csv")
     assert (found is not None) == (name != "empty cells" or find_spec("pyarrow") is not None)

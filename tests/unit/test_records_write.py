@@ -82,7 +82,7 @@ def test_csv_text(tmp_path: Path) -> None:
 
 
 def test_chunks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(write_module, "_CHUNK", 7)
+    monkeypatch.setattr(write_module, "_WRITE_CHUNK", 7)
     record = motor(np.arange(20) * 0.1)
     write_record(record, tmp_path / "run.csv")
     same(record, read_record(tmp_path / "run.csv"))

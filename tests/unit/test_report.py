@@ -20,7 +20,7 @@ from signlin_ros.records import ModelData
 from signlin_ros.report import compare_report, diagnosis_report
 from signlin_ros.report.files import write_report
 from signlin_ros.report.formulas import _plain_brackets, formula
-from signlin_ros.report.page import Code, Fold, Formula, Items, Page, Picture, Section, Table, Text, rendered
+from signlin_ros.report.page import Code, Fold, Formula, Items, Page, Picture, ReportTable, Section, Text, rendered
 from signlin_ros.simulation import simulate
 
 MASS = Model.from_dict(
@@ -99,7 +99,7 @@ def test_every_text_is_escaped_and_empty_sections_are_left_out():
     blocks = [
         Text(bad),
         Items([(bad, bad)]),
-        Table([bad], [[bad]]),
+        ReportTable([bad], [[bad]]),
         Code(bad),
         Formula(None, bad),
         Fold(bad, [Text(bad)]),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from signlin_ros.comparison.scores import FLOOR, follows_nothing, score, unfollowed
+from signlin_ros.comparison.scores import MIN_FIT_PERCENT, follows_nothing, score, unfollowed
 
 T = np.linspace(0.0, 10.0, 2000)
 Y = np.sin(T)
@@ -24,7 +24,7 @@ def test_noise_as_large_as_the_signal_is_none_to_measure_by(noise):
     found = score(Y, np.zeros_like(Y), noise)
     assert found is not None
     assert found.fit_percent is not None
-    assert found.fit_percent < FLOOR
+    assert found.fit_percent < MIN_FIT_PERCENT
     assert found.rmse_over_noise is None
     assert unfollowed({"speed": found}) == ["speed"]
 

@@ -16,7 +16,7 @@ def test_coefficients_are_scipys() -> None:
     np.testing.assert_array_equal(tableau.A[6], RK45.B)
     np.testing.assert_array_equal(tableau.A[:6, 5], 0.0)
     np.testing.assert_array_equal(tableau.E, RK45.E)
-    np.testing.assert_array_equal(tableau.P, RK45.P)
+    np.testing.assert_array_equal(tableau.DENSE_WEIGHTS, RK45.P)
 
 
 def test_a_process_that_simulates_does_without_scipys_integrators() -> None:

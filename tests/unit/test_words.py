@@ -6,10 +6,10 @@ from types import SimpleNamespace
 
 import pytest
 
+from signlin_ros.diagnosis.evidence import Evidence
+from signlin_ros.diagnosis.messages import shown
 from signlin_ros.diagnosis.proposal import _origin
-from signlin_ros.diagnosis.results import Estimate
-from signlin_ros.diagnosis.witnesses import Witnesses
-from signlin_ros.diagnosis.words import shown
+from signlin_ros.diagnosis.results import ParameterEstimate
 from signlin_ros.model import Model
 from signlin_ros.model.numbers import numbers
 from signlin_ros.report.evidence import nearest
@@ -32,12 +32,16 @@ def test_parameters_as_given():
 @pytest.mark.parametrize(
     ("name", "found", "text"),
     [
-        ("m", Estimate(92.8808, 0.21, "kg"), "m: fitted, 92.88 ± 0.21 kg; was 95.109"),
-        ("load.F0", Estimate(3.3, 0.1, "N"), "load.F0: fitted, 3.30 ± 0.10 N; was 3.5"),
-        ("load.F0", Estimate(0.2169, 0.075, "N", "was 3.5; odd"), "load.F0: fitted, 0.217 ± 0.075 N; was 3.5; odd"),
+        ("m", ParameterEstimate(92.8808, 0.21, "kg"), "m: fitted, 92.88 ± 0.21 kg; was 95.109"),
+        ("load.F0", ParameterEstimate(3.3, 0.1, "N"), "load.F0: fitted, 3.30 ± 0.10 N; was 3.5"),
+        (
+            "load.F0",
+            ParameterEstimate(0.2169, 0.075, "N", "was 3.5; odd"),
+            "load.F0: fitted, 0.217 ± 0.075 N; was 3.5; odd",
+        ),
         (
             "coulomb_friction.mu",
-            Estimate(1.0, 0.1, "N", "at its bound"),
+            ParameterEstimate(1.0, 0.1, "N", "at its bound"),
             "coulomb_friction.mu: fitted, 1.00 ± 0.10 N; at its bound",
         ),
     ],
@@ -56,7 +60,8 @@ def told(effect, rotary=False, **found):
     model = AXIS.with_effect(effect, **plain)
     units = {n: p.unit for n, p in model.par_declarations().items()}
     parameters = {
-        f"{effect}.{n}": Estimate(value, std, units[f"effects.{effect}.{n}"]) for n, (value, std) in found.items()
+        f"{effect}.{n}": ParameterEstimate(value, std, units[f"effects.{effect}.{n}"])
+        for n, (value, std) in found.items()
     }
     f = SimpleNamespace(model=model, parameters=parameters)
     return shown(judged(rotary), f, effect)
@@ -72,7 +77,7 @@ def test_what_has_no_error_is_told_as_it_is():
 
 
 def test_a_doubtful_fault_of_a_sensor_is_told_with_its_error():
-    parameters = {"sensor_offset.displacement": Estimate(0.012, 0.013, "m")}
+    parameters = {"sensor_offset.displacement": ParameterEstimate(0.012, 0.013, "m")}
     f = SimpleNamespace(model=AXIS, parameters=parameters)
     assert "0.012 ± 0.013 m too much" in shown(
         SimpleNamespace(case=SimpleNamespace(problem=SimpleNamespace(turns=False))), f, "sensor_offset"
@@ -90,5 +95,5 @@ def test_a_doubtful_fault_of_a_sensor_is_told_with_its_error():
 )
 def test_the_nearest_is_the_best_single_effect_that_was_fitted_out(tried, best):
     fits = [SimpleNamespace(effects=effects, level=level) for effects, level in tried.items()]
-    found = nearest(SimpleNamespace(witnesses=Witnesses(None, None, None, fits)))
+    found = nearest(SimpleNamespace(evidence=Evidence(None, None, None, fits)))
     assert (found and found.effects[0]) == best

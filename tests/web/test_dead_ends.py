@@ -14,7 +14,7 @@ from signlin_ros.errors import InputError, ModelError
 from signlin_ros.model import Model
 from signlin_ros.records import Record, Signal
 from signlin_ros.workbench import commands, further, proposing, sheet
-from signlin_ros.workbench.calls import VERBS
+from signlin_ros.workbench.calls import WORKER_CALLS
 from signlin_ros.workbench.wording import on_page
 
 if TYPE_CHECKING:
@@ -150,7 +150,7 @@ def test_the_refitted_values_are_taken_by_one_click(hidden_effect: Path, tmp_pat
     truth.with_parameters({"J": 0.0011, "R_a": 1.0}).save(tmp_path / "off.yaml")
     args = {"model": str(tmp_path / "off.yaml"), "data": [str(hidden_effect / "estimation.csv")]}
     args |= {"validation": [str(hidden_effect / "validation.csv")], "output": str(tmp_path / "refit.yaml")}
-    VERBS["refit"](args, lambda _: None)
+    WORKER_CALLS["refit"](args, lambda _: None)
     found = Model.load(tmp_path / "refit.yaml")
     assert found.parameters["J"] == pytest.approx(0.0022, rel=0.1)
     assert found.parameters["R_a"] == pytest.approx(0.764, rel=0.1)
@@ -197,7 +197,7 @@ def test_a_curve_is_learned_where_nothing_has_a_name(hidden_effect: Path, tmp_pa
     args = {"model": str(hidden_effect / "model.yaml"), "data": [str(hidden_effect / "estimation.csv")]}
     args |= {"validation": [str(hidden_effect / "validation.csv")], "output": str(tmp_path / "learned.yaml")}
     args |= {"effect": "learned_force", "over": "speed"}
-    found = VERBS["add"](args, lambda _: None)
+    found = WORKER_CALLS["add"](args, lambda _: None)
     assert "learned_force" in Model.load(tmp_path / "learned.yaml").effects
     assert "Learned:" in found["json"]["sentence"]
     words = commands.command({"verb": "add", **args})

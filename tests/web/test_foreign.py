@@ -103,7 +103,7 @@ def test_code_of_a_project_runs_only_after_it_was_shown_and_agreed_to(
 
 
 def test_no_verb_of_the_worker_runs_code_that_was_not_agreed_to(tmp_path: Path) -> None:
-    from signlin_ros.workbench.calls import VERBS
+    from signlin_ros.workbench.calls import WORKER_CALLS
     from signlin_ros.workbench.uploaded import CodeError
 
     (tmp_path / "evil.py").write_text(f"open({str(tmp_path / 'hacked')!r}, 'w')\n{EVIL}")
@@ -125,9 +125,9 @@ def test_no_verb_of_the_worker_runs_code_that_was_not_agreed_to(tmp_path: Path) 
         "search",
         "written",
     }
-    for name in sorted(VERBS.keys() - others):
+    for name in sorted(WORKER_CALLS.keys() - others):
         with pytest.raises(CodeError):
-            VERBS[name](args, lambda _: None)
+            WORKER_CALLS[name](args, lambda _: None)
     assert not (tmp_path / "hacked").exists()
 
 

@@ -17,11 +17,11 @@ from hypothesis import strategies as st
 from signlin_ros import units
 from signlin_ros.errors import InputError, ModelError
 from signlin_ros.model import Model
-from signlin_ros.nodes.feed_logic import POINTS, Feed, predicted
+from signlin_ros.nodes.feed_logic import POINTS_PER_FRAME, Feed, predicted
 from signlin_ros.records import Record, Signal
 from signlin_ros.simulation import simulate
 from signlin_ros.workbench import commands, proposing, stages, tuning
-from signlin_ros.workbench.project import MODELS, RECORDS, Project, safe_name
+from signlin_ros.workbench.project import DROPPED_SUFFIXES, MODELS, Project, safe_name
 
 # -------------------------------------------------------------------- projects
 
@@ -33,7 +33,7 @@ def test_a_safe_name_is_a_name_and_stays_as_it_is(text: str) -> None:
     except InputError:
         return
     assert Path(name).name == name
-    assert name.endswith((*RECORDS, *MODELS))
+    assert name.endswith((*DROPPED_SUFFIXES, *MODELS))
     assert not name.startswith((".", "-"))
     assert name.isprintable()
     assert len(name) <= 100
@@ -161,7 +161,7 @@ def test_thinned_curves_keep_peaks_holes_and_ends(count: int) -> None:
     a[count // 3], b[count // 2] = 50.0, -70.0
     a[2 * count // 3 : 2 * count // 3 + 3] = np.nan
     at = arrays.thinned(t, [a, b])
-    assert at.size <= arrays.MOST
+    assert at.size <= arrays.MAX_CURVE_POINTS
     assert {0, count - 1, count // 3, count // 2} <= set(at.tolist())
     assert np.isnan(a[at]).any()
     assert (np.diff(at) > 0).all()
@@ -265,7 +265,7 @@ def test_the_bench_shows_what_simulation_and_linearization_say() -> None:
     data = Record(
         t, {"voltage": Signal(u), "current": Signal(run["current"]), "speed": Signal(run["speed"])}
     ).for_model(model)
-    bench = tuning.Bench(model, data)
+    bench = tuning.TuningBench(model, data)
     same = bench.answer({}, 2.0, (None, None), 5000)
     assert max(same["rms"].values()) < 1e-3
     other = bench.answer({"coulomb_friction.mu": 0.0}, 2.0, (None, None), 5000)
@@ -293,12 +293,12 @@ def test_a_frame_holds_the_extremes_and_never_too_much() -> None:
             frame = feed.frame(k * 1e-3)
             json.dumps(frame, allow_nan=False)
             for j, y in enumerate(frame["state"]["y"]):
-                assert len(y) <= POINTS
+                assert len(y) <= POINTS_PER_FRAME
                 shown[j] += y
     for j in range(8):
         assert max(shown[j]) == pytest.approx(rows[:, j].max(), rel=1e-6)
         assert min(shown[j]) == pytest.approx(rows[:, j].min(), rel=1e-6)
-    assert 60 * 20 * POINTS <= 5000
+    assert 60 * 20 * POINTS_PER_FRAME <= 5000
     assert "state" not in feed.frame(4.0)
 
 
@@ -338,12 +338,12 @@ def test_the_error_of_a_models_prediction_is_what_it_is_off_by() -> None:
 
 
 def test_a_comparison_tells_what_it_does_from_the_start(hidden_effect: Path, tmp_path: Path) -> None:
-    from signlin_ros.workbench.calls import VERBS
+    from signlin_ros.workbench.calls import WORKER_CALLS
 
     told: list[dict[str, Any]] = []
     data = [str(hidden_effect / "validation.csv")]
     args = {"model": str(hidden_effect / "model.yaml"), "data": data, "store": str(tmp_path / "curves.npz")}
-    VERBS["compare"](args, told.append)
+    WORKER_CALLS["compare"](args, told.append)
     assert told[0]["what"] == "reading the record"
     assert len(told) >= 6
     shares = [one["share"] for one in told]

@@ -130,7 +130,7 @@ def test_a_file_that_says_nothing_of_its_size_is_stopped_on_the_way(
     from signlin_ros.errors import InputError
     from signlin_ros.workbench import receiving
 
-    monkeypatch.setattr(receiving, "LARGEST", 1000)
+    monkeypatch.setattr(receiving, "MAX_FILE_BYTES", 1000)
     given = iter(range(1000))
 
     async def receive() -> dict[str, Any]:

@@ -16,7 +16,7 @@ from signlin_ros.errors import InputError
 from signlin_ros.model import Model
 from signlin_ros.report import waves
 from signlin_ros.workbench import further
-from signlin_ros.workbench.calls import VERBS
+from signlin_ros.workbench.calls import WORKER_CALLS
 
 if TYPE_CHECKING:
     from conftest import Client, Page, Server
@@ -88,7 +88,7 @@ def cogging(tmp_path_factory: pytest.TempPathFactory) -> Any:
         signals = {n: Signal(run[n] + s * random.standard_normal(t.size), truth.units[n]) for n, s in noise.items()}
         write_record(Record(t, {"voltage": Signal(voltage, "V"), **signals}), folder / f"{name}.csv")
     args = {"model": str(folder / "model.yaml"), "data": [str(folder / "fit.csv")]}
-    return VERBS["diagnose"]({**args, "validation": [str(folder / "unseen.csv")], "key": "x"}, lambda _: None)
+    return WORKER_CALLS["diagnose"]({**args, "validation": [str(folder / "unseen.csv")], "key": "x"}, lambda _: None)
 
 
 @pytest.mark.slow
@@ -104,7 +104,7 @@ def test_the_evidence_of_a_ripple_is_folded_and_its_verdict_says_how_often(coggi
     found, curve = (numbers(picture["named"][k][0]["mean"]) for k in ("found", "curve"))
     assert np.std(found - curve) < 0.3 * np.std(found)
     words = name.replace("_", " ")
-    said = further._with_waves(f"The model lacks {words}: on unseen data ...", cogging["values"])
+    said = further._with_waves(f"The model lacks {words}: on validation data ...", cogging["values"])
     assert said.startswith(f"The model lacks {words} (12 per turn, 0.01")
 
 
@@ -115,12 +115,12 @@ def test_the_evidence_of_a_ripple_is_folded_and_its_verdict_says_how_often(coggi
 def compared(hidden_effect: Path, tmp_path_factory: pytest.TempPathFactory) -> Any:
     store = tmp_path_factory.mktemp("compared") / "curves.npz"
     args = {"model": str(hidden_effect / "model.yaml"), "data": [str(hidden_effect / "validation.csv")]}
-    found = VERBS["compare"]({**args, "store": str(store)}, lambda _: None)
+    found = WORKER_CALLS["compare"]({**args, "store": str(store)}, lambda _: None)
     return {"store": str(store), "channels": found["channels"], "inputs": found["inputs"]}
 
 
 def test_the_input_stands_under_the_outputs_and_other_models_beside(compared: Any) -> None:
-    shown = VERBS["compare_curves"]({**compared, "also": [compared["store"]]}, lambda _: None)
+    shown = WORKER_CALLS["compare_curves"]({**compared, "also": [compared["store"]]}, lambda _: None)
     assert [(p["name"], p["unit"]) for p in shown["plots"]] == [("current", "A"), ("speed", "rad/s"), ("voltage", "V")]
     assert set(shown["plots"][0]["curves"]) == {"measured", "simulated", "also0", "residual"}
     assert set(shown["plots"][2]["curves"]) == {"recorded"}
@@ -129,13 +129,13 @@ def test_the_input_stands_under_the_outputs_and_other_models_beside(compared: An
 
 
 def test_one_quantity_is_shown_over_another(compared: Any) -> None:
-    found = VERBS["compare_xy"]({**compared, "x": "speed", "y": "residual of speed"}, lambda _: None)
+    found = WORKER_CALLS["compare_xy"]({**compared, "x": "speed", "y": "residual of speed"}, lambda _: None)
     assert set(found["curves"]) == {"measured", "simulated"}
     x, y = map(numbers, found["curves"]["measured"])
     assert x.size == y.size <= 4000
     assert np.nanstd(y) < np.nanstd(x)
     with pytest.raises(InputError, match="no such quantity"):
-        VERBS["compare_xy"]({**compared, "x": "speed", "y": "temperature"}, lambda _: None)
+        WORKER_CALLS["compare_xy"]({**compared, "x": "speed", "y": "temperature"}, lambda _: None)
 
 
 @pytest.mark.parametrize(

@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from signlin_ros.errors import InputError
-from signlin_ros.workbench.lane import CancelledError, Lane
+from signlin_ros.workbench.lane import Lane, LaneCancelledError
 from signlin_ros.workbench.live import Live
 from signlin_ros.workbench.project import Project
-from signlin_ros.workbench.session import WAITING, Session
+from signlin_ros.workbench.session import MAX_PENDING_EVENTS, Session
 
 if TYPE_CHECKING:
     from conftest import Client, Page, Server
@@ -114,7 +114,7 @@ def test_a_slow_page_is_told_to_look_again(tmp_path: Path) -> None:
     session = Session(Project.create(tmp_path))
     listener: asyncio.Queue[dict[str, Any]] = asyncio.Queue()
     session.listeners.add(listener)
-    for share in range(WAITING):
+    for share in range(MAX_PENDING_EVENTS):
         session.tell("progress", busy=share)
     session.tell()
     assert listener.get_nowait() == {"kind": "state"}
@@ -138,7 +138,7 @@ def test_what_is_cancelled_before_it_began_does_not_begin(tmp_path: Path) -> Non
         await asyncio.sleep(0)
         await lane.cancel()
         for one in asked:
-            with pytest.raises(CancelledError):
+            with pytest.raises(LaneCancelledError):
                 await asyncio.wait_for(one, 60.0)
         await lane.cancel()
 

@@ -21,8 +21,8 @@ import numpy.typing as npt
 from signlin_ros.errors import MissingExtraError, RecordError
 from signlin_ros.records.align import align, looks_held, named
 from signlin_ros.records.clean import renamed
-from signlin_ros.records.formats.bag_clock import BACK, clocks, restarts, seconds
-from signlin_ros.records.formats.bag_topics import Arrays, Fields, Joints, Numbers, Part, Topic
+from signlin_ros.records.formats.bag_clock import MIN_CLOCK_JUMP, clocks, restarts, seconds
+from signlin_ros.records.formats.bag_topics import Arrays, Fields, Joints, NumberFields, Topic, TopicPart
 from signlin_ros.records.grammar import words
 from signlin_ros.records.header import TIME_KEYS
 from signlin_ros.records.notes import Note
@@ -39,7 +39,7 @@ STORAGE = (".mcap", ".db3")
 _SCALARS = {f"std_msgs/msg/{kind}" for kind in ("Bool", "Float32", "Float64")} | {
     f"std_msgs/msg/{sign}Int{bits}" for sign in ("", "U") for bits in (8, 16, 32, 64)
 }
-_ARRAYS = {f"{kind}MultiArray" for kind in _SCALARS}
+_MULTI_ARRAYS = {f"{kind}MultiArray" for kind in _SCALARS}
 _JOINTS = "sensor_msgs/msg/JointState"
 
 
@@ -143,8 +143,8 @@ def _topics(types: Mapping[str, str], specs: Iterable[str]) -> dict[str, Topic]:
     topics: dict[str, Topic] = {}
     for topic, kind in types.items():
         if kind in _SCALARS:
-            topics[topic] = Numbers(topic)
-        elif kind in _ARRAYS:
+            topics[topic] = NumberFields(topic)
+        elif kind in _MULTI_ARRAYS:
             topics[topic] = Arrays(topic)
         elif kind == _JOINTS:
             topics[topic] = Joints(topic)
@@ -205,7 +205,7 @@ def _as_written(paths: list[Path]) -> Iterator[tuple[str, int, bytes]] | None:
         return None
     connection = sqlite3.connect(f"{stores[0].resolve().as_uri()}?mode=ro&immutable=1", uri=True)
     stamps = np.array(connection.execute("SELECT timestamp FROM messages ORDER BY id").fetchall(), dtype=np.int64)
-    if not np.any(np.diff(stamps[:, 0] if stamps.size else stamps) < -BACK):
+    if not np.any(np.diff(stamps[:, 0] if stamps.size else stamps) < -MIN_CLOCK_JUMP):
         connection.close()
         return None
     what = "SELECT topics.name, timestamp, data FROM messages JOIN topics ON topics.id = topic_id ORDER BY messages.id"
@@ -220,7 +220,7 @@ def _series(bag: _Bag, asked: Collection[str], part: tuple[int, int]) -> tuple[d
     stamps = {topic: ns for topic, ns in stamps.items() if ns.size}
     collector, times = bag.topics.get(TIME_TOPIC), stamps.pop(TIME_TOPIC, None)
     exact = None
-    if times is not None and isinstance(collector, Numbers):
+    if times is not None and isinstance(collector, NumberFields):
         exact = times, np.array(collector.values)[slice(*places[TIME_TOPIC])]
     found = [
         pair
@@ -247,12 +247,12 @@ def _parts(
         return []
 
 
-def _within(part: Part, place: tuple[int, ...]) -> bool:
+def _within(part: TopicPart, place: tuple[int, ...]) -> bool:
     """Whether any message from `place[0]` to before `place[1]` has the quantity."""
     return part.index is None or bool(np.any((part.index >= place[0]) & (part.index < place[1])))
 
 
-def _one(part: Part, t: Array, place: tuple[int, ...], notes: list[Note]) -> tuple[str, Series]:
+def _one(part: TopicPart, t: Array, place: tuple[int, ...], notes: list[Note]) -> tuple[str, Series]:
     """The series of one quantity in some messages, stamped t, sorted by time, repeated messages dropped."""
     index = np.arange(part.values.size) if part.index is None else part.index
     there = (index >= place[0]) & (index < place[1])

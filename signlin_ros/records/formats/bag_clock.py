@@ -14,7 +14,7 @@ Integers = npt.NDArray[np.int64]
 Stamps = Mapping[str, Integers]
 """Topic -> (N,) ns."""
 
-BACK = 100_000_000
+MIN_CLOCK_JUMP = 100_000_000
 """A clock that goes back by more than this (ns) from message to message begins anew; by less, messages came late."""
 _ABSOLUTE = 100_000_000_000_000_000
 """A bag that starts later than this (ns, 3 years) counts from its first stamp: its clock is the calendar's.
@@ -32,7 +32,7 @@ def restarts(received: Stamps, headers: Stamps, order: Stamps) -> tuple[list[int
     for topic, places in order.items():
         for stamps in (received[topic], headers.get(topic, received[topic])):
             usable = stamps.size == places.size and stamps.size > 1 and not np.any(stamps == 0)
-            backs = np.flatnonzero(np.diff(stamps) < -BACK) + 1 if usable else np.array([], dtype=np.int64)
+            backs = np.flatnonzero(np.diff(stamps) < -MIN_CLOCK_JUMP) + 1 if usable else np.array([], dtype=np.int64)
             late = [k for k in backs.tolist() if stamps[k:].size > 3 and np.median(stamps[k : k + 5]) < stamps[k - 1]]
             found += [(int(places[k]), topic, k + 1) for k in late]
     cuts: list[int] = []
@@ -73,7 +73,7 @@ def _unusable(header: Integers, received: Integers) -> str:
     """Why header stamps (N,) in ns cannot be used beside topics that have none, or an empty text."""
     if abs(float(np.median(header - received))) > _CLOCKS_AGREE:
         return "of another clock than the bag's"
-    back = np.flatnonzero(np.diff(header) < -BACK)
+    back = np.flatnonzero(np.diff(header) < -MIN_CLOCK_JUMP)
     return f"jump back at message {back[0] + 2}" if back.size else ""
 
 

@@ -18,7 +18,7 @@ FIELDS = ("position", "velocity", "effort")
 
 
 @dataclass(frozen=True)
-class Part:
+class TopicPart:
     """One quantity of a topic: its whole path, its values, the messages that hold it (None: all), and other
     spellings.
 
@@ -38,13 +38,13 @@ class Topic(Protocol):
     def add(self, message: Any) -> None:
         """Take the next message."""
 
-    def parts(self) -> list[Part]:
+    def parts(self) -> list[TopicPart]:
         """All quantities of the topic; raises RecordError where the messages do not fit together."""
         ...
 
 
 @dataclass
-class Numbers:
+class NumberFields:
     """A std_msgs number: ``/speed`` is the signal ``speed``."""
 
     topic: str
@@ -54,9 +54,9 @@ class Numbers:
         """Take the next message."""
         self.values.append(float(message.data))
 
-    def parts(self) -> list[Part]:
+    def parts(self) -> list[TopicPart]:
         """All quantities of the topic."""
-        return [Part(f"{self.topic}.data", np.array(self.values), key=self.topic.strip("/"), names=(self.topic,))]
+        return [TopicPart(f"{self.topic}.data", np.array(self.values), key=self.topic.strip("/"), names=(self.topic,))]
 
 
 @dataclass
@@ -75,7 +75,7 @@ class Arrays:
             self.label = message.layout.dim[0].label
         self.values.append(message.data)
 
-    def parts(self) -> list[Part]:
+    def parts(self) -> list[TopicPart]:
         """All quantities of the topic."""
         sizes = np.array([len(values) for values in self.values])
         if np.any(sizes != sizes[0]):
@@ -84,7 +84,7 @@ class Arrays:
         table = np.array(self.values, dtype=np.float64)
         keys = self._keys(int(sizes[0]))
         whole = (f"{self.topic}.data", self.topic) if sizes[0] == 1 else ()
-        return [Part(f"{self.topic}.data[{i}]", table[:, i], key=key, names=whole) for i, key in enumerate(keys)]
+        return [TopicPart(f"{self.topic}.data[{i}]", table[:, i], key=key, names=whole) for i, key in enumerate(keys)]
 
     def _keys(self, size: int) -> list[str]:
         names = [name.strip() for name in self.label.split(",")]
@@ -106,7 +106,7 @@ class Joints:
         values.append([getattr(message, name) for name in FIELDS])
         self.count += 1
 
-    def parts(self) -> list[Part]:
+    def parts(self) -> list[TopicPart]:
         """All quantities of the topic."""
         gathered: dict[tuple[str, str], list[tuple[Integers, Array]]] = {}
         for joints, (index, rows) in self.groups.items():
@@ -121,7 +121,7 @@ class Joints:
             names = (name, f"{self.topic}.{name}") if single else ()
             if not np.isnan(values).all():
                 order = np.argsort(index_, kind="stable")
-                parts.append(Part(f"{self.topic}.{name}[{joint}]", values[order], index_[order], names=names))
+                parts.append(TopicPart(f"{self.topic}.{name}[{joint}]", values[order], index_[order], names=names))
         return parts
 
     def _table(self, name: str, joints: tuple[str, ...], index: list[int], rows: list[Array]) -> Array:
@@ -147,10 +147,10 @@ class Fields:
         """Take the next message."""
         self.values.append([self._value(message, path) for path in self.paths])
 
-    def parts(self) -> list[Part]:
+    def parts(self) -> list[TopicPart]:
         """All quantities of the topic."""
         table = np.array(self.values, dtype=np.float64)
-        return [Part(f"{self.topic}.{path}".rstrip("."), table[:, i]) for i, path in enumerate(self.paths)]
+        return [TopicPart(f"{self.topic}.{path}".rstrip("."), table[:, i]) for i, path in enumerate(self.paths)]
 
     def _value(self, message: Any, path: str) -> float:
         value = message

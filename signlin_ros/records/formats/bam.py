@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signlin_ros.errors import RecordError
-from signlin_ros.records.clean import Table
+from signlin_ros.records.clean import RawTable
 from signlin_ros.records.header import heading
 from signlin_ros.records.notes import Note
 from signlin_ros.records.table import Rows
@@ -35,7 +35,7 @@ SIGNED, WORD = 2**15, 2**16
 ALLOWED = 'a log of BAM: {"kp": ..., "mass": ..., "entries": [{"timestamp": ..., "position": ...}, ...]}'
 
 
-def read_table(path: Path, source: str) -> Table:
+def read_table(path: Path, source: str) -> RawTable:
     """Read a log; raise `RecordError` where the file is no such log."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
@@ -58,7 +58,7 @@ def read_table(path: Path, source: str) -> Table:
     if not columns:
         raise RecordError(f"{source}: its entries hold no numbers; allowed: {ALLOWED}")
     rows = Rows(np.arange(1, len(entries) + 1))
-    return Table(source, headings, columns, rows, tuple(notes), fields=_numbers(content))
+    return RawTable(source, headings, columns, rows, tuple(notes), fields=_numbers(content))
 
 
 def _numbers(content: Mapping[str, Any]) -> dict[str, float]:

@@ -22,10 +22,10 @@ from signlin_ros import units
 from signlin_ros.errors import RecordError
 from signlin_ros.files import TEXT
 from signlin_ros.records import limits
-from signlin_ros.records.clean import Keep, Table
+from signlin_ros.records.clean import Keep, RawTable
 from signlin_ros.records.formats.layout import (
+    EMPTY_CELLS,
     MEASURED,
-    MISSING,
     Layout,
     by_number,
     is_number,
@@ -43,14 +43,14 @@ from signlin_ros.records.table import Rows
 
 Array = npt.NDArray[np.float64]
 
-OPEN: dict[str, Callable[[Path], Any]] = {".gz": gzip.open, ".bz2": bz2.open, ".xz": lzma.open}
+UNPACKERS: dict[str, Callable[[Path], Any]] = {".gz": gzip.open, ".bz2": bz2.open, ".xz": lzma.open}
 """What unpacks a file, by its suffix."""
 MOST_NAMED = 3
 """So many files of an archive are named."""
-_NUMBER = r"^[-+]?\d*{}\d+(?:[eE][-+]?\d+)?$"
-_WITH_COMMA, _WITH_POINT = (re.compile(_NUMBER.format(mark), re.MULTILINE) for mark in (",", r"\."))
+_NUMBER_PATTERN = r"^[-+]?\d*{}\d+(?:[eE][-+]?\d+)?$"
+_WITH_COMMA, _WITH_POINT = (re.compile(_NUMBER_PATTERN.format(mark), re.MULTILINE) for mark in (",", r"\."))
 _THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")
-_WHOLE = 2.0**53
+_MAX_WHOLE = 2.0**53
 """Whole numbers beyond this are no doubles: they are read as integers, and counted from the first."""
 
 
@@ -73,7 +73,7 @@ class _Text:
         return Rows(np.arange(1, len(self.shape.body) + 1), self.shape.numbers)
 
 
-def read_table(path: Path, source: str, keep: Keep, asked: Sequence[str] = ()) -> Table:
+def read_table(path: Path, source: str, keep: Keep, asked: Sequence[str] = ()) -> RawTable:
     """Read the columns of a CSV file.
 
     Separator: comma, semicolon, tab or blanks (with all but the first, decimal commas are understood, column by
@@ -99,7 +99,7 @@ def read_table(path: Path, source: str, keep: Keep, asked: Sequence[str] = ()) -
         headings = [heading(cell, i + 1) for i, cell in enumerate(labelled(shape))]
         chosen = _told(headings, columns)
         said = (*notes, *shape.notes)
-        return Table(source, [headings[i] for i in chosen], [columns[i] for i in chosen], rows, said, shape.named)
+        return RawTable(source, [headings[i] for i in chosen], [columns[i] for i in chosen], rows, said, shape.named)
     shape = by_number(layout(decoded, source), asked)
     if '"' in decoded:
         _check_quotes(shape)
@@ -112,7 +112,7 @@ def read_table(path: Path, source: str, keep: Keep, asked: Sequence[str] = ()) -
         columns = [np.ascontiguousarray(column) for column in values.T]
         chosen = _told(headings, columns)
         said = (*text.shape.notes, *text.notes)
-        table = Table(source, [headings[i] for i in chosen], [columns[i] for i in chosen], text.rows, said)
+        table = RawTable(source, [headings[i] for i in chosen], [columns[i] for i in chosen], text.rows, said)
     exact = _exact(text, table.headings, table.columns)
     return replace(table, named=shape.named, runs=shape.runs, exact=exact)
 
@@ -129,9 +129,9 @@ def _unpacked(path: Path, source: str) -> bytes:
     try:
         if suffix == ".zip":
             return _from_zip(path, source)
-        if suffix not in OPEN:
+        if suffix not in UNPACKERS:
             return path.read_bytes()
-        with OPEN[suffix](path) as stream:
+        with UNPACKERS[suffix](path) as stream:
             return limits.unpacked(stream, path.stat().st_size, source)
     except RecordError:
         raise
@@ -228,7 +228,7 @@ def _exact(text: _Text, headings: Sequence[Heading], columns: Sequence[Array]) -
     found = {}
     mark = None if text.shape.separator == " " else text.shape.separator
     for head, column in zip(headings, columns, strict=True):
-        if np.isfinite(column).all() and np.abs(column).max(initial=0.0) >= _WHOLE:
+        if np.isfinite(column).all() and np.abs(column).max(initial=0.0) >= _MAX_WHOLE:
             try:
                 whole = np.loadtxt(text.plain, np.int64, None, mark, usecols=head.number - 1, quotechar='"', ndmin=1)
             except (ValueError, OverflowError):
@@ -237,7 +237,7 @@ def _exact(text: _Text, headings: Sequence[Heading], columns: Sequence[Array]) -
     return found
 
 
-def _careful(text: _Text, headings: list[Heading], keep: Keep) -> Table:
+def _careful(text: _Text, headings: list[Heading], keep: Keep) -> RawTable:
     """Cell by cell: understands quotes and marks of missing samples, leaves text columns out, names the first
     bad cell.
     """
@@ -256,7 +256,7 @@ def _careful(text: _Text, headings: list[Heading], keep: Keep) -> Table:
             continue
         chosen.append(told)
         columns.append(column)
-    return Table(shape.source, chosen, columns, text.rows, tuple(notes))
+    return RawTable(shape.source, chosen, columns, text.rows, tuple(notes))
 
 
 def _rows(shape: Layout) -> list[list[str]]:
@@ -299,10 +299,10 @@ def _column(
     """The heading and numbers of column `at` (R,), None for a column of text. A missing sample is NaN."""
     comma = at in text.commas
     try:
-        numbers = [float("nan") if cell.lower() in MISSING else _number(cell, comma) for cell in found]
+        numbers = [float("nan") if cell.lower() in EMPTY_CELLS else _number(cell, comma) for cell in found]
         return head, np.array(numbers)
     except ValueError:
-        given = [(i, cell) for i, cell in enumerate(found) if cell.lower() not in MISSING]
+        given = [(i, cell) for i, cell in enumerate(found) if cell.lower() not in EMPTY_CELLS]
     measured = _with_units(found, comma)
     if measured is not None:
         notes.append(Note(f"column {head.label!r} states its unit in every cell: {measured[0]}", "format", head.label))
@@ -329,7 +329,7 @@ def _column(
 
 def _with_units(found: Sequence[str], comma: bool) -> tuple[str, Array] | None:
     """The unit that every cell of a column states behind its number, ``0.005 sec``, and the numbers (R,); else None."""
-    given = {cell for cell in found if cell.lower() not in MISSING}
+    given = {cell for cell in found if cell.lower() not in EMPTY_CELLS}
     parts = {cell: MEASURED.fullmatch(cell) for cell in given}
     marks = {match[2] for match in parts.values() if match}
     unit = next(iter(marks), "")

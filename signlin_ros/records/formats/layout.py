@@ -25,13 +25,13 @@ from signlin_ros.records.notes import Note
 Integers = npt.NDArray[np.int64]
 
 csv.field_size_limit(1 << 30)  # a longer line is no fault of its own: its cells are counted as those of any other
-SEPARATORS = ("\t", ";", ",", "|", " ")
+TEXT_SEPARATORS = ("\t", ";", ",", "|", " ")
 """A blank stands for any run of white space."""
-MISSING = frozenset(
+EMPTY_CELLS = frozenset(
     {"", "nan", "na", "n/a", "#n/a", "#na", "null", "none", "-", "--", "?", "-nan", "nan(ind)", "-nan(ind)"}
 )
 """What a cell without a value holds, in small letters."""
-LOOKED_AT = 200
+LAYOUT_LINES_LOOKED = 200
 """So many lines at the end and as many from the start tell the layout."""
 _COMMENT = re.compile(r"\s*(?:#|//|%(?!time\b))")
 MEASURED = re.compile(r"([-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?)\s+([^\d\s.,+-][^\s]*)")
@@ -74,7 +74,7 @@ def layout(text: str, source: str) -> Layout:
     if not kept:
         raise RecordError(f"{source}: nothing but comments: no header and no rows")
     separator, width = _separator([lines[i] for i in kept])
-    kept = [i for i in kept[:LOOKED_AT] if lines[i].strip(f"{separator} ")] + [*kept[LOOKED_AT:]]
+    kept = [i for i in kept[:LAYOUT_LINES_LOOKED] if lines[i].strip(f"{separator} ")] + [*kept[LAYOUT_LINES_LOOKED:]]
     first = _first_row(lines, kept, separator, width)
     if first is None:
         raise _no_rows(source, lines[kept[0]], kept, separator)
@@ -101,7 +101,7 @@ def layout(text: str, source: str) -> Layout:
 
 def _divided_otherwise(line: str, width: int, separator: str) -> bool:
     """Whether a line may be a header that another mark divides than the rows: as many words as these have cells."""
-    return any(len(cells(line, mark)) == width for mark in SEPARATORS if mark != separator)
+    return any(len(cells(line, mark)) == width for mark in TEXT_SEPARATORS if mark != separator)
 
 
 def _rows_of_text(text: str, lines: Sequence[str]) -> Sequence[int]:
@@ -141,14 +141,18 @@ def is_value(cell: str) -> bool:
 
 def _separator(lines: Sequence[str]) -> tuple[str, int]:
     """The separator that splits most lines into equally many values, and how many cells those have."""
-    looked = lines if len(lines) <= 2 * LOOKED_AT else [*lines[:LOOKED_AT], *lines[-LOOKED_AT:]]
+    looked = (
+        lines
+        if len(lines) <= 2 * LAYOUT_LINES_LOOKED
+        else [*lines[:LAYOUT_LINES_LOOKED], *lines[-LAYOUT_LINES_LOOKED:]]
+    )
     best, chosen = (-1.0, 0), (",", 1)
-    for mark in SEPARATORS:
+    for mark in TEXT_SEPARATORS:
         rows = [cells(line, mark) for line in looked if opened(line, mark) is None]
         rows = [row for row in rows if sum(map(is_value, row)) > len(row) / 4] or rows
         width = Counter(_width(row) for row in rows).most_common(1)[0][0] if rows else 1
         same = [row for row in rows if _width(row) == width]
-        there = [cell for row in same for cell in row if cell.lower() not in MISSING]
+        there = [cell for row in same for cell in row if cell.lower() not in EMPTY_CELLS]
         share = sum(map(is_value, there)) / max(len(there), 1)
         score = (round(share * len(same) / max(len(rows), 1), 2), width) if width > 1 else (0.0, 0)
         if score[0] > best[0] + 0.05 or (abs(score[0] - best[0]) <= 0.05 and score[1] > best[1]):
@@ -173,7 +177,7 @@ def _first_row(lines: Sequence[str], kept: Sequence[int], separator: str, width:
     """The place in `kept` of the first row of values; None where no line is one."""
     for k, i in enumerate(kept):
         row = cells(lines[i], separator) if opened(lines[i], separator) is None else []
-        there = [cell for cell in row if cell.lower() not in MISSING]
+        there = [cell for cell in row if cell.lower() not in EMPTY_CELLS]
         values = sum(map(is_value, there))
         if (
             len(row) in (width, width + 1)
@@ -190,7 +194,7 @@ def _not_a_preamble(lines: Sequence[str], kept: Sequence[int], k: int, separator
     if k + 1 >= len(kept):
         return True
     row = cells(lines[kept[k + 1]], separator)
-    return any(map(is_value, row)) or len(row) != width or all(cell.lower() in MISSING for cell in row)
+    return any(map(is_value, row)) or len(row) != width or all(cell.lower() in EMPTY_CELLS for cell in row)
 
 
 def _names(
@@ -230,7 +234,7 @@ def _header_in_comment(comments: Sequence[str], width: int, separator: str) -> l
     """The last comment with as many cells as the rows (numpy.savetxt writes the header there)."""
     for line in reversed(comments):
         bare = line.strip().lstrip("#%/").strip()
-        for mark in dict.fromkeys((separator, *SEPARATORS)):
+        for mark in dict.fromkeys((separator, *TEXT_SEPARATORS)):
             found = cells(bare, mark)
             if len(found) == width and width > 1 and not any(map(is_number, found)):
                 return found
@@ -250,7 +254,7 @@ def _without_comments(
 def _uncommented(line: str, separator: str, width: int) -> str:
     head = re.split(r"(?<=\s)#|#(?=\s)", line, maxsplit=1)[0].rstrip()
     last = head.rsplit(separator if separator != " " else None, 1)[-1].strip()
-    whole = len(cells(head, separator)) >= width and (is_value(last) or last.lower() in MISSING)
+    whole = len(cells(head, separator)) >= width and (is_value(last) or last.lower() in EMPTY_CELLS)
     return head if whole else line
 
 
@@ -295,16 +299,18 @@ def _is_cut(last: str, before: str, separator: str, width: int, ended: bool) -> 
     if len(found) < min(width, len(whole)):
         return True
     there = found[-1] if found and len(found) == len(whole) else ""
-    return bool(not ended and there and is_value(whole[-1]) and not is_value(there) and there.lower() not in MISSING)
+    return bool(
+        not ended and there and is_value(whole[-1]) and not is_value(there) and there.lower() not in EMPTY_CELLS
+    )
 
 
 def _fitted(header: list[str], body: Sequence[str], separator: str) -> list[str]:
     """The header without, or with, an empty cell at its end that the rows have not, or have."""
-    width = Counter(len(cells(line, separator)) for line in body[:LOOKED_AT]).most_common(1)[0][0]
+    width = Counter(len(cells(line, separator)) for line in body[:LAYOUT_LINES_LOOKED]).most_common(1)[0][0]
     while len(header) > max(width, 1) and not header[-1]:
         header = header[:-1]
     if len(header) == width - 1 and not any(
-        cells(line, separator)[width - 1 :] not in ([], [""]) for line in body[:LOOKED_AT]
+        cells(line, separator)[width - 1 :] not in ([], [""]) for line in body[:LAYOUT_LINES_LOOKED]
     ):
         header = [*header, ""]
     return header
@@ -315,7 +321,7 @@ def by_number(shape: Layout, asked: Iterable[str]) -> Layout:
     none is known to be right, and what is asked for is columns by such numbers, none by a name of the header.
     """
     specs = list(asked)
-    width = Counter(len(cells(line, shape.separator)) for line in shape.body[:LOOKED_AT]).most_common(1)[0][0]
+    width = Counter(len(cells(line, shape.separator)) for line in shape.body[:LAYOUT_LINES_LOOKED]).most_common(1)[0][0]
     numbers = any(_BY_NUMBER.fullmatch(word) for spec in specs for word in words(spec))
     named = any(heading(cell).matches(spec) for cell in shape.header for spec in specs)
     if len(shape.header) >= width or not numbers or named:

@@ -36,7 +36,7 @@ _LABELLED = re.compile(
 )
 _FIRST = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)[,;\s]+(?=[A-Za-z_])")
 _PAIRS = re.compile(r"[,;\s]*")
-LOOKED_AT = 50
+LABEL_LINES = 50
 """Lines that tell whether values have labels."""
 VOLTS = ("volt", "volts", "v")
 """What an oscilloscope calls what a probe shows, whatever that measures: no unit of it."""
@@ -270,7 +270,7 @@ def _labelled(text: str) -> Plain | None:
     """Return rows of labels with values, as ``t:0.005,u:1.2``, or of JSON; other lines are left out."""
     lines = [line for line in text.split("\n") if line.strip()]
     read: Callable[[str], dict[str, float] | None] = _json if lines and lines[0].lstrip().startswith("{") else _pairs
-    looked = [read(line) for line in lines[-LOOKED_AT:]]
+    looked = [read(line) for line in lines[-LABEL_LINES:]]
     good = [one for one in looked if one]
     if len(lines) < 3 or len(good) < 0.8 * len(looked) or len(good[0]) < 2:
         return None

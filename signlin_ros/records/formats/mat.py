@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from signlin_ros.errors import MissingExtraError, RecordError
 from signlin_ros.records import limits
-from signlin_ros.records.clean import Table
+from signlin_ros.records.clean import RawTable
 from signlin_ros.records.grammar import words
 from signlin_ros.records.header import TIME_KEYS, Heading, clock, heading
 from signlin_ros.records.notes import Note
@@ -31,11 +31,11 @@ Array = npt.NDArray[np.float64]
 _STEPS = ("ts", "dt", "sampletime", "sample_time", "sampling_time", "tsample", "t_s", "samplingtime")
 """What a sampling time in s may be called, in small letters."""
 _OWN_TIME = re.compile(r"\.(?:time|times|timestamps?|t|stamps?)\Z", re.IGNORECASE)
-SAME = 0.01
+SAME_TIME_SHARE = 0.01
 """Times that differ by less than this share of a step are taken for the same."""
 
 
-def read_table(path: Path, source: str, signals: Mapping[str, str]) -> Table:
+def read_table(path: Path, source: str, signals: Mapping[str, str]) -> RawTable:
     """Read the vectors that are as long as the time vector.
 
     A field of a struct is called ``data.speed``, and ``speed`` for short; the columns of a matrix ``q[0]``,
@@ -70,7 +70,7 @@ def read_table(path: Path, source: str, signals: Mapping[str, str]) -> Table:
     heads = [_told(head) for head, _ in columns]
     if step is not None and step[0] in out:
         del out[step[0]]
-    return Table(source, heads, [values for _, values in columns], rows, _notes(out), step=step)
+    return RawTable(source, heads, [values for _, values in columns], rows, _notes(out), step=step)
 
 
 def _one_time(found: dict[str, Any]) -> dict[str, Any]:
@@ -102,7 +102,9 @@ def _own_times(found: dict[str, Any], signals: Mapping[str, str]) -> dict[str, A
     rest = {n: v for n, v in found.items() if n not in times}
     for name, t in times.items():
         own = t.reshape(-1).astype(np.float64)
-        if own.size == base.size and np.allclose(own, base, rtol=0.0, atol=SAME * float(np.median(np.diff(base)))):
+        if own.size == base.size and np.allclose(
+            own, base, rtol=0.0, atol=SAME_TIME_SHARE * float(np.median(np.diff(base)))
+        ):
             continue
         stem = name.rsplit(".", 1)[0]
         for other in [n for n in rest if n.startswith(f"{stem}.") and own.size in np.shape(rest[n])]:

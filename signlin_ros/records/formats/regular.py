@@ -21,11 +21,11 @@ from signlin_ros.records.table import Rows
 
 Array = npt.NDArray[np.float64]
 
-LARGE = 4 << 20
+MIN_REGULAR_LENGTH = 4 << 20
 """Characters from which on a text is worth it."""
-EDGE = 1000
+LAYOUT_LINES = 1000
 """So many lines at either end tell the layout."""
-_WHOLE = 2.0**53
+_MAX_INTEGER = 2.0**53
 
 
 @dataclass(frozen=True)
@@ -39,20 +39,20 @@ class Regular:
 
 def regular(text: str, source: str) -> Regular | None:
     """Return a large table of plain numbers; None where the text is none, or may be something else as well."""
-    if len(text) < LARGE or '"' in text:
+    if len(text) < MIN_REGULAR_LENGTH or '"' in text:
         return None
     sample = _ends(text)
     shape = _layout(sample, source) if sample else None
     if shape is None:
         return None
     first = int(shape.numbers[0])  # of the lines, from 1
-    if not np.array_equal(shape.numbers, np.arange(first, sample.rstrip("\n").count("\n") + 2)) or first > EDGE:
+    if not np.array_equal(shape.numbers, np.arange(first, sample.rstrip("\n").count("\n") + 2)) or first > LAYOUT_LINES:
         return None
     body = text[_start(text, first) :].rstrip("\n")
     columns = _parsed(body, shape.separator, len(shape.header))
     if columns is None or columns[0].size != body.count("\n") + 1:
         return None
-    if any(np.nanmax(np.abs(column), initial=0.0) >= _WHOLE for column in columns):
+    if any(np.nanmax(np.abs(column), initial=0.0) >= _MAX_INTEGER for column in columns):
         return None  # whole numbers that no double holds are read as integers
     count = columns[0].size
     return Regular(shape, columns, Rows(np.arange(1, count + 1), np.arange(first, first + count)))
@@ -62,7 +62,7 @@ def _ends(text: str) -> str:
     """Return the lines at both ends of a text; nothing where there are not more than those."""
     whole = text.rstrip("\n")
     low, high = 0, len(whole)
-    for _ in range(EDGE):
+    for _ in range(LAYOUT_LINES):
         low = whole.find("\n", low) + 1
         high = whole.rfind("\n", 0, high)
         if low == 0 or high <= low:

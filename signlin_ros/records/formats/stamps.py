@@ -16,7 +16,7 @@ _CLOCK = (
     r"(?P<hour>\d{1,3}):(?P<minute>\d\d)(?::(?P<second_of>\d\d)(?:[.,](?P<part>\d+))?|(?:[.,](?P<minutes_part>\d+)))?"
 )
 _REST = r"\s*(?P<half>[AaPp][Mm])?\s*(?P<zone>Z|UTC|[-+]\d\d:?\d\d)?"
-_TIME = re.compile(rf"^\s*{_DATE}{_CLOCK}{_REST}\s*$", re.MULTILINE)
+_STAMP = re.compile(rf"^\s*{_DATE}{_CLOCK}{_REST}\s*$", re.MULTILINE)
 _DAY = 86400.0
 
 _FORWARD = "f fw fwd forward forwards + +1 ccw right up on true open out positive pos p high vor vorw"
@@ -27,7 +27,7 @@ _WORDS = {word: value for value, text in ((1.0, _FORWARD), (-1.0, _BACKWARD), (0
 
 
 @dataclass(frozen=True, eq=False)
-class Times:
+class StampTimes:
     """``seconds`` (R,) since the first, ``what`` they were (``dates and times``), ``start``: the first as written."""
 
     seconds: Array
@@ -43,23 +43,23 @@ class Directions:
     said: str
 
 
-def times_of_day(cells: Sequence[str]) -> Times | None:
+def times_of_day(cells: Sequence[str]) -> StampTimes | None:
     """Dates and times, or times of day, as seconds since the first; None where any cell is neither.
 
     ISO 8601 (with or without a zone), ``09.11.2025 09:27:03,010``, ``11/9/2025 9:27:03 PM``, ``27:03.5`` (minutes and
     seconds). Where a time of day has no date, one that falls by half a day or more begins the next day.
     """
-    found = _TIME.findall("\n".join(cells))
+    found = _STAMP.findall("\n".join(cells))
     if len(found) != len(cells) or not found:
         return None
-    columns = dict(zip(_TIME.groupindex, zip(*found, strict=True), strict=True))
+    columns = dict(zip(_STAMP.groupindex, zip(*found, strict=True), strict=True))
     clock = _seconds(columns)
     days = _days(columns)
     if days is None:
         jumps = np.cumsum(np.concatenate([[0.0], np.diff(clock) < -_DAY / 2]))
-        return Times(clock - clock[0] + _DAY * jumps, "times of day", cells[0])
+        return StampTimes(clock - clock[0] + _DAY * jumps, "times of day", cells[0])
     whole = (days - days[0]) * _DAY + _zone(columns["zone"])
-    return Times((whole - whole[0]) + (clock - clock[0]), "dates and times", cells[0])
+    return StampTimes((whole - whole[0]) + (clock - clock[0]), "dates and times", cells[0])
 
 
 def _seconds(columns: dict[str, tuple[str, ...]]) -> Array:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from signlin_ros.errors import MissingExtraError, RecordError
 from signlin_ros.records import limits
-from signlin_ros.records.clean import Table
+from signlin_ros.records.clean import RawTable
 from signlin_ros.records.header import Heading, heading
 from signlin_ros.records.notes import Note
 from signlin_ros.records.table import Rows
@@ -23,7 +23,7 @@ EPISODES = ("episode_index", "episode")
 """What a column is called that counts the runs in a table."""
 
 
-def read_table(path: Path, source: str) -> Table:
+def read_table(path: Path, source: str) -> RawTable:
     """Read all columns of numbers; raise `RecordError` where the file is damaged, `MissingExtraError` where its reader
     is not installed.
     """
@@ -38,7 +38,7 @@ def read_table(path: Path, source: str) -> Table:
     return _table(source, columns)
 
 
-def _table(source: str, columns: Iterable[Column]) -> Table:
+def _table(source: str, columns: Iterable[Column]) -> RawTable:
     headings: list[Heading] = []
     values: list[Array] = []
     notes: list[Note] = []
@@ -60,7 +60,7 @@ def _table(source: str, columns: Iterable[Column]) -> Table:
         listed = ", ".join(f"{head.label} ({column.size})" for head, column in zip(headings, values, strict=True))
         raise RecordError(f"{source}: the columns of numbers must be equally long; it has {listed or 'none'}")
     runs = _episodes(headings, values)
-    return Table(source, headings, values, Rows(np.arange(1, sizes.pop() + 1)), tuple(notes), runs=runs, exact=exact)
+    return RawTable(source, headings, values, Rows(np.arange(1, sizes.pop() + 1)), tuple(notes), runs=runs, exact=exact)
 
 
 def _episodes(headings: Sequence[Heading], values: Sequence[Array]) -> tuple[int, ...]:

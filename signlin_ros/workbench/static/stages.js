@@ -426,7 +426,7 @@ function diagnose(block, state, go) {
   ];
 }
 
-// The effects that were found: their values, and what unseen data show of them; an effect that was refused is folded.
+// The effects that were found: their values, and what validation data show of them; an effect that was refused is folded.
 function found({ evidence: seen, values, unseen: none }, data) {
   const named = Object.keys(values).map((name) => [valued(name, values[name]), pictured(seen[name], none[name], data)]);
   const refused = Object.entries(seen).filter(([name]) => !(name in values)).map(([name, e]) =>
@@ -441,7 +441,7 @@ const valued = (name, own) => {
 
 function pictured(e, why, data) {
   if (!e) return h("p", { class: "quiet" }, why);
-  return [h("p", { class: "quiet" }, `What unseen data show of it (${data}):`),
+  return [h("p", { class: "quiet" }, `What validation data show of it (${data}):`),
     h("div", { class: "pair" }, evidence(e, "named", "curve"), e.spectrum && spectrum(e.spectrum, e.unit), e.rival && evidence(e, "rival", "rival"))];
 }
 
@@ -485,8 +485,8 @@ function add(block, state, go) {
     h("div", { class: "row" }, buttons, learn, other),
     block.result && Object.entries(block.result.values).map(([name, own]) => valued(name, own)),
     block.ladder?.length > 0 && h("div", { class: "pair", id: "ladder" }, channels.map((c) => ladder(block.ladder, c, state.model?.signals[c] ?? "")),
-      forces.some((r) => r.validation.force) && ladder(forces, "force", "% of the effort", "missing on unseen data")),
-    block.ladder?.length > 0 && h("p", { class: "quiet" }, `Unseen data: ${block.unseen}. "refitted": the model without the effect, its other parameters fitted anew; they then imitate what it lacks, and may do worse on unseen data than as given.`),
+      forces.some((r) => r.validation.force) && ladder(forces, "force", "% of the effort", "missing on validation data")),
+    block.ladder?.length > 0 && h("p", { class: "quiet" }, `Validation data: ${block.unseen}. "refitted": the model without the effect, its other parameters fitted anew; they then imitate what it lacks, and may do worse on validation data than as given.`),
     block.result && Object.keys(block.result.values).map((name) => h("details", { id: `shown-${name}` }, h("summary", {}, `The evidence for ${words(name)}`),
       pictured(block.result.evidence[name], block.result.unseen[name], block.unseen))),
     tuner && h("details", { id: "tuner", ontoggle: (e) => e.target.open && tuner.start() }, h("summary", {}, "Parameters by hand: drag, and see curve, A", h("sub", {}, "k"), " and poles move"), tuner.element),

@@ -120,8 +120,8 @@ export function scatter(curves, labels) {
   return f.svg;
 }
 
-// The error on unseen data, a bar for each step, and the noise below which nothing can fall.
-export function ladder(rungs, channel, unitText, what = "RMS error on unseen data") {
+// The error on validation data, a bar for each step, and the noise below which nothing can fall.
+export function ladder(rungs, channel, unitText, what = "RMS error on validation data") {
   const scores = rungs.map((r) => r.validation[channel]).filter(Boolean);
   const top = Math.max(...scores.map((s) => s.rmse ?? 0), 1e-300);
   const noise = scores.find((s) => s.rmse_over_noise)?.rmse / scores.find((s) => s.rmse_over_noise)?.rmse_over_noise;

@@ -29,36 +29,36 @@ from signlin_ros.records import ModelData
 
 Array = NDArray[np.float64]
 
-BANDS, PERIODS = 0.12 * np.geomspace(1.0, 1e-3, 31), 8.0
+BANDS, MIN_CUTOFF_PERIODS = 0.12 * np.geomspace(1.0, 1e-3, 31), 8.0
 """Cut-offs that are tried, as parts of the sampling rate, the widest first; periods that a record must hold of one."""
-WIDER, HIGHEST = 2.0, 0.4
+LAW_BAND_RATIO, HIGHEST = 2.0, 0.4
 """How much wider the low-pass is that laws are driven through, at most at this part of the sampling rate."""
-EDGE = 1.2
+EDGE_PERIODS = 1.2
 """Periods of the cut-off that are left out at either end."""
-SAMPLED, PER_PERIOD, MOST = 10.0, 2.5, 4000
+SAMPLES_PER_PERIOD, COMPARED_PER_PERIOD, MAX_COMPARED_SAMPLES = 10.0, 2.5, 4000
 """Samples for a period of the cut-off with which laws are driven, and that are compared; most of these of a record."""
-SLOWEST, TURNS = 2.0, 10.0
+SLOWEST_POSITION_HZ, SLOWEST_PERIODS = 2.0, 10.0
 """Frequency in Hz, and its periods in a record, below which a velocity's sensor tells it better than a position's."""
-SURELY, SLOW = 3.0, 0.004
+MOVING_OVER_NOISE, MOVING_OVER_LARGEST = 3.0, 0.004
 """Slower than so many times its noise, or than this share of its largest, a velocity counts as rest."""
-AT_REST = 0.15
+MAX_REST_SHARE = 0.15
 """Where more than this share of what the filter sees is rest, nothing is compared: friction there is any force."""
 SHORTEST_REST, FEW_AT_REST = 0.04, 4
 """Rest in s, and its samples, from which on the net force tells the sign of dry friction,"""
-RESTING = (0.01, 0.9)
+REST_SHARES = (0.01, 0.9)
 """if such a share of the record is rest."""
-BLOCK, FEWEST_BLOCKS, BLOCKS = 0.3, 10, 60
+ERROR_BLOCK, FEWEST_BLOCKS, MAX_ERROR_BLOCKS = 0.3, 10, 60
 """Length in s of a block for standard errors, and how many a record has, if each holds two periods."""
-AT_ONCE, FEWEST = 2_000_000, 20
+AT_ONCE, MIN_CHANNEL_SAMPLES = 2_000_000, 20
 """Most values that pass the low-pass at once; samples that a channel must have."""
-APART = 0.5
+MAX_STAMP_DISTANCE = 0.5
 """Most samples by which effort and motion may be stamped apart: more is a delay, and has a name."""
-LEAST_PART = 0.01
+MIN_DRIVING_PART = 0.01
 """Part of the effort that drives at least: a drive that holds itself has none."""
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class ForceSegment:
     """A record without gaps, on an even grid of T samples; names as in the model.
 
     ``values``: measured states (T,), with position and velocity in any case; ``u`` (T, m) as it acts at the samples;
@@ -96,12 +96,12 @@ class Piece:
     @property
     def moves(self) -> bool:
         """Whether the direction of motion is known in more than a few samples."""
-        return bool(np.mean(np.abs(self.sign) >= 1.0) > AT_REST)
+        return bool(np.mean(np.abs(self.sign) >= 1.0) > MAX_REST_SHARE)
 
     @cached_property
     def effort_nearby(self) -> Array:
         """The effort (T,) through a low-pass as wide as that of the motion: less noise than its samples have."""
-        return low_pass(self.effort, min(WIDER * self.cutoff, HIGHEST / self.step), self.step)
+        return low_pass(self.effort, min(LAW_BAND_RATIO * self.cutoff, HIGHEST / self.step), self.step)
 
     @property
     def late(self) -> Array:
@@ -195,8 +195,8 @@ class _Raw:
         if q is None:
             q = cumulative_trapezoid(self.values[velocity], dx=step, initial=0.0)
         v = self.values[velocity] if across < wide else slope(low_pass(q, wide, step), step)
-        if max(SLOWEST, TURNS / self.t[-1]) < across < wide:
-            v, lost = slope(low_pass(q, across, step), step) + v - low_pass(v, across, step), EDGE / across
+        if max(SLOWEST_POSITION_HZ, SLOWEST_PERIODS / self.t[-1]) < across < wide:
+            v, lost = slope(low_pass(q, across, step), step) + v - low_pass(v, across, step), EDGE_PERIODS / across
         noise = min(sv, 2 * np.pi * wide * sq) * np.sqrt(2 * wide * step)
         return low_pass(q, wide, step), low_pass(v, wide, step), float(noise), lost
 
@@ -218,7 +218,7 @@ def _acting(u: Array, late: float | Array) -> Array:
 
 
 def _told(data: ModelData) -> list[str]:
-    return [n for n, v in data.measured.items() if np.isfinite(v).sum() > FEWEST]
+    return [n for n, v in data.measured.items() if np.isfinite(v).sum() > MIN_CHANNEL_SAMPLES]
 
 
 def recorded(model: Model, data: Sequence[ModelData]) -> set[str]:
@@ -242,7 +242,7 @@ def best_cutoff(model: Model, data: Sequence[ModelData], share: float) -> float:
 
 def _cutoff(raw: _Raw, share: float) -> float:
     allowed = share * max(float(np.std(raw.effort[0])), 1e-12)
-    lowest = PERIODS / max(raw.t[-1], raw.step)
+    lowest = MIN_CUTOFF_PERIODS / max(raw.t[-1], raw.step)
     tried = [f for f in BANDS / raw.step if f >= lowest] or [lowest]
     return float(next((f for f in tried if max(raw.noises(f)) < allowed), tried[-1]))
 
@@ -253,17 +253,19 @@ def effort_gain(model: Model, current: bool) -> float:
     return K_t if current else K_t / model.parameters.get("R_a", 1.0)
 
 
-def piece(model: Model, data: ModelData, cutoff: float) -> Piece:
-    """Return a record (without gaps) as the force witness sees it, with a low-pass at ``cutoff`` Hz."""
+def force_segment(model: Model, data: ModelData, cutoff: float) -> ForceSegment:
+    """Return a record (without gaps) as the equation-error estimate sees it, with a low-pass at ``cutoff`` Hz."""
     raw, plant = _Raw(model, data), model.plant
     step, length = raw.step, raw.t[-1]
-    wide = min(WIDER * cutoff, HIGHEST / step)
+    wide = min(LAW_BAND_RATIO * cutoff, HIGHEST / step)
     q, v, noise, lost = raw.motion(wide)
     effort, u = raw.effort[0], raw.u
     sign, still = _direction(v, noise, effort - model.parameters.get("k", 0.0) * q, wide, step)
-    every = max(1, int(1 / (SAMPLED * cutoff * step)))
-    kept = _kept(still, raw.apart > 1 / (PER_PERIOD * cutoff), cutoff, step, max(EDGE / cutoff, lost), every)
-    block = max(min(BLOCK, length / FEWEST_BLOCKS), 2.0 / cutoff, length / BLOCKS)
+    every = max(1, int(1 / (SAMPLES_PER_PERIOD * cutoff * step)))
+    kept = _kept(
+        still, raw.apart > 1 / (COMPARED_PER_PERIOD * cutoff), cutoff, step, max(EDGE_PERIODS / cutoff, lost), every
+    )
+    block = max(min(ERROR_BLOCK, length / FEWEST_BLOCKS), 2.0 / cutoff, length / MAX_ERROR_BLOCKS)
     if every > 1:
         u, effort = low_pass(u, wide, step), low_pass(effort, wide, step)
     if plant.motion_is_imposed():
@@ -271,7 +273,7 @@ def piece(model: Model, data: ModelData, cutoff: float) -> Piece:
         u[:, model.inputs.index(plant.velocity)] = v
     values = {n: low_pass(x, wide, step) for n, x in raw.values.items() if n == "current"}
     values |= {plant.position: q, plant.velocity: v}
-    return Piece(
+    return ForceSegment(
         plant,
         raw.t[::every],
         step * every,
@@ -294,63 +296,69 @@ def _kept(
 ) -> NDArray[np.intp]:
     """Return the samples, of ``every`` so many, that are compared: not near ends, holes, nor where it rests."""
     e = min(int(ends / step) + 1, still.size // 5)
-    moving = low_pass(still.astype(float), min(cutoff, HIGHEST / step), step) < AT_REST
+    moving = low_pass(still.astype(float), min(cutoff, HIGHEST / step), step) < MAX_REST_SHARE
     if hole.any():
         moving &= ~binary_dilation(hole, iterations=e)
     moving[:e] = moving[-e:] = False
-    if moving.mean() < AT_REST:
+    if moving.mean() < MAX_REST_SHARE:
         moving[e:-e] = True
-    apart = every * max(1, int(1 / (PER_PERIOD * cutoff * step * every)), -(-still.size // (MOST * every)))
+    apart = every * max(
+        1, int(1 / (COMPARED_PER_PERIOD * cutoff * step * every)), -(-still.size // (MAX_COMPARED_SAMPLES * every))
+    )
     chosen = np.arange(0, still.size, apart)
     return np.asarray(chosen[moving[chosen]] // every)
 
 
 def _direction(v: Array, noise: float, net: Array, wide: float, step: float) -> tuple[Array, NDArray[np.bool_]]:
     """Return the sign of the velocity (T,), softened where noise hides it, and where (T,) it is at rest."""
-    still = np.abs(v) < max(SURELY * noise, SLOW * float(np.abs(v).max()))
+    still = np.abs(v) < max(MOVING_OVER_NOISE * noise, MOVING_OVER_LARGEST * float(np.abs(v).max()))
     sign = np.clip(v / (2 * max(noise, 1e-12)), -1.0, 1.0)
     least = int(np.ceil(max(FEW_AT_REST, SHORTEST_REST / step)))
     rest = grey_opening(still.astype(np.int8), least, mode="constant") > 0
-    if RESTING[0] < rest.mean() < RESTING[1]:
+    if REST_SHARES[0] < rest.mean() < REST_SHARES[1]:
         pushing = low_pass(net, min(3 * wide, HIGHEST / step), step)
         sign = np.where(rest, np.clip(pushing / (np.quantile(np.abs(pushing[rest]), 0.97) + 1e-300), -1, 1), sign)
     return sign, still
 
 
-def missing_force(model: Model, piece: Piece) -> Array:
+def missing_force(model: Model, force_segment: ForceSegment) -> Array:
     """Return the force (T,) on the moving mass that a model lacks along a piece, before the low-pass."""
-    model = model.under(piece.conditions)
-    rate = piece.evaluated(model, rate_tape(model.structure), piece.states(model), model.p)[0]
-    return np.asarray(((piece.effort if model.plant.motion_is_imposed() else piece.acceleration) - rate) * mass(model))
+    model = model.under(force_segment.conditions)
+    rate = force_segment.evaluated(model, rate_tape(model.structure), force_segment.states(model), model.p)[0]
+    return np.asarray(
+        ((force_segment.effort if model.plant.motion_is_imposed() else force_segment.acceleration) - rate) * mass(model)
+    )
 
 
-def asked_effort(model: Model, piece: Piece) -> Array:
+def asked_effort(model: Model, force_segment: ForceSegment) -> Array:
     """Return the missing force (K,) as the effort that it asks for: more where friction follows the load, or where the
     model lets less of the input act: no effort explains itself.
     """
-    model = model.under(piece.conditions)
-    left, effects = piece.seen(missing_force(model, piece)), model.effects.items()
+    model = model.under(force_segment.conditions)
+    left, effects = force_segment.seen(missing_force(model, force_segment)), model.effects.items()
     own = [k for k, use in effects if find_effect(use.type, "effects").input is not Effect.input]
-    if own and "current" not in piece.values:
+    if own and "current" not in force_segment.values:
         whole = functools.reduce(lambda m, key: m.without_effect(key), own, model)
-        before, after = (float(np.mean(_driven_by(m, piece) ** 2)) for m in (whole, model))
-        return left / max(float(np.sqrt(min(after / max(before, 1e-300), 1.0))), LEAST_PART)
+        before, after = (float(np.mean(_driven_by(m, force_segment) ** 2)) for m in (whole, model))
+        return left / max(float(np.sqrt(min(after / max(before, 1e-300), 1.0))), MIN_DRIVING_PART)
     tape = arriving_tape(model.structure)
     if tape is None:
         return left
-    slopes = piece.evaluated(model, tape, piece.states(model), model.p)[0]
-    return left / np.maximum(piece.seen(slopes * mass(model) / effort_unit(model)), LEAST_PART)
+    slopes = force_segment.evaluated(model, tape, force_segment.states(model), model.p)[0]
+    return left / np.maximum(force_segment.seen(slopes * mass(model) / effort_unit(model)), MIN_DRIVING_PART)
 
 
-def _driven_by(model: Model, piece: Piece) -> Array:
+def _driven_by(model: Model, force_segment: ForceSegment) -> Array:
     """Return the force (K,) that the input makes of the plant's motion, after what the model does to the input."""
-    resting = replace(piece, u=np.zeros_like(piece.u), _known={})
-    return piece.seen(missing_force(model, resting) - missing_force(model, piece))
+    resting = replace(force_segment, u=np.zeros_like(force_segment.u), _known={})
+    return force_segment.seen(missing_force(model, resting) - missing_force(model, force_segment))
 
 
 def stamped(left: Array, late: Array) -> Array:
-    """Return the force (K,) that is left where effort and motion are stamped as fits best; ``late`` (K,): `Piece`."""
-    apart = np.clip(float(late @ left) / max(float(late @ late), 1e-300), -APART, APART)
+    """Return the force (K,) that is left where effort and motion are stamped as fits best; ``late`` (K,):
+    `ForceSegment`.
+    """
+    apart = np.clip(float(late @ left) / max(float(late @ late), 1e-300), -MAX_STAMP_DISTANCE, MAX_STAMP_DISTANCE)
     return np.asarray(left - late * apart)
 
 
@@ -360,15 +368,15 @@ def effort_unit(model: Model) -> float:
 
 
 __all__ = [
-    "APART",
-    "LEAST_PART",
-    "Piece",
+    "MAX_STAMP_DISTANCE",
+    "MIN_DRIVING_PART",
+    "ForceSegment",
     "asked_effort",
     "best_cutoff",
     "effort_gain",
     "effort_unit",
+    "force_segment",
     "missing_force",
-    "piece",
     "recorded",
     "stamped",
     "tells_force",

@@ -10,28 +10,28 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.force.regression import TINY, Side
+from signlin_ros.diagnosis.equation_error.regression import MIN_DIVISOR, RegressionData
 
 Array = NDArray[np.float64]
 
 FINEST = 4000
 """Most orders that are looked at for each half period over the travel."""
-QUANTILE, SHARE = 0.15, 0.02
+QUANTILE, MIN_WAVE_SHARE = 0.15, 0.02
 """A wave must pass the filter at this quantile of the speed, and this share of the largest."""
-MOST = 3
+MAX_ORDERS_SHOWN = 3
 """Orders that are told of what is left."""
 
 
 class Waves:
     """Orders in rad^-1 or m^-1, ``least`` periods of which are held: whole ones of a joint or its motor; or any."""
 
-    def __init__(self, side: Side, whole: bool, gear: float, least: float) -> None:
+    def __init__(self, side: RegressionData, whole: bool, gear: float, least: float) -> None:
         self._side, cutoff = side, 2 * np.pi * side.pieces[0].cutoff
         self._q = np.concatenate([p.q[p.kept] for p in side.pieces])
         speed = np.concatenate([np.abs(p.v[p.kept]) for p in side.pieces])
-        self._limit = cutoff / np.maximum(speed, TINY)
-        slow = float(np.quantile(speed, QUANTILE)) + SHARE * float(speed.max())
-        low, high = least * 2 * np.pi / max(side.travel, TINY), cutoff / max(slow, TINY)
+        self._limit = cutoff / np.maximum(speed, MIN_DIVISOR)
+        slow = float(np.quantile(speed, QUANTILE)) + MIN_WAVE_SHARE * float(speed.max())
+        low, high = least * 2 * np.pi / max(side.travel, MIN_DIVISOR), cutoff / max(slow, MIN_DIVISOR)
         turns = np.arange(1.0, FINEST + 1)
         rows = [turns, turns * gear] if gear != 1.0 else [turns]
         rows = [row[(row >= low) & (row <= high)] for row in rows]
@@ -47,12 +47,12 @@ class Waves:
             return []
         y = np.concatenate([e - e.mean() for e in self._side.split(left)])
         tried, power = np.concatenate(self._rows), np.concatenate([self._power(y, row) for row in self._rows])
-        apart = 3 * np.pi / max(float(np.ptp(self._q)), TINY)
+        apart = 3 * np.pi / max(float(np.ptp(self._q)), MIN_DIVISOR)
         found: list[float] = []
         for order in tried[np.argsort(-power)].tolist():
             if all(abs(order - other) > apart for other in found):
                 found.append(order)
-            if len(found) == MOST:
+            if len(found) == MAX_ORDERS_SHOWN:
                 break
         return found
 

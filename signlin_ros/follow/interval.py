@@ -17,7 +17,7 @@ import numpy as np
 from signlin_ros.engine.compiling import call_among, inlined, inner
 from signlin_ros.follow.slopes import choose, evaluated, keep, linearized
 
-LOST = 30.0
+MAX_DECAY_STEP = 30.0
 """Product of a decay and the time between two samples from which on no other step would do for a plant's own state."""
 
 
@@ -101,7 +101,7 @@ def _crossing(g0, r0, g1, r1, h):
 
 
 @inner
-def carry(address, sizes, kept, out, h, S, step, W):
+def carry_step(address, sizes, kept, out, h, S, step, W):
     """Carry the sensitivities S (n, w) over h by the trapezoidal rule; in place.
 
     Those of states with rates W[5] of their own by Euler's implicit rule: within h they have come to rest.
@@ -263,7 +263,7 @@ def advance(code, sizes, z, out, x, span, count, mode, s, S, work, with_s, W, de
         if with_s:
             if event or not whole:
                 linearized(code, sizes, z, out, mode, s)
-            carry(code[5], sizes, kept, out, h, S, step, W)
+            carry_step(code[5], sizes, kept, out, h, S, step, W)
         elif event:
             evaluated(head, sizes, z, out, mode, s)
         left -= h
@@ -294,4 +294,4 @@ def advance(code, sizes, z, out, x, span, count, mode, s, S, work, with_s, W, de
     return mode, s
 
 
-__all__ = ["LOST", "advance", "carry", "fastest_rate", "rate_ahead", "split_rates"]
+__all__ = ["MAX_DECAY_STEP", "advance", "carry_step", "fastest_rate", "rate_ahead", "split_rates"]

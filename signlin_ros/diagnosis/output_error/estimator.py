@@ -1,4 +1,6 @@
-"""The motion witness: models simulated with an observer, fitted to known records, judged by windows of unseen ones."""
+"""The output-error estimate: models simulated with an observer, fitted to training data, judged by windows of unseen
+ones.
+"""
 
 from __future__ import annotations
 
@@ -12,13 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.criteria import Criteria
-from signlin_ros.diagnosis.motion.deciding import Decisions
-from signlin_ros.diagnosis.motion.fitted import Fitted, coordinates_of, covariances, estimates
-from signlin_ros.diagnosis.motion.fitting import (
-    FEW,
-    NEXT,
+from signlin_ros.diagnosis.output_error.decisions import Decisions
+from signlin_ros.diagnosis.output_error.execution import Execution, Progress
+from signlin_ros.diagnosis.output_error.fitted import FittedModel, coordinates_of, covariances, estimates
+from signlin_ros.diagnosis.output_error.fitting import (
+    MAX_STARTS,
+    MIDDLE_STEPS,
     ON,
-    Found,
+    Minimum,
     bred,
     cheapest,
     climbed,
@@ -27,10 +30,9 @@ from signlin_ros.diagnosis.motion.fitting import (
     settled,
     without,
 )
-from signlin_ros.diagnosis.motion.left import left
-from signlin_ros.diagnosis.motion.running import Progress, Running
-from signlin_ros.diagnosis.motion.score import level, windowed
-from signlin_ros.diagnosis.motion.trials import Parts, Trial, completed, rescanned, trials
+from signlin_ros.diagnosis.output_error.residual import left
+from signlin_ros.diagnosis.output_error.score import level, windowed
+from signlin_ros.diagnosis.output_error.trials import CandidateParts, Trial, completed, rescanned, trials
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import SimulationError
 from signlin_ros.fitting.candidate import Candidate, candidate
@@ -47,11 +49,12 @@ BEAM = 2
 Array = NDArray[np.float64]
 
 
-class Motion(Decisions, Running):
-    """Fits of a model, with effects added, to the known records, and their errors on the unseen ones.
+class OutputErrorEstimator(Decisions, Execution):
+    """Fits of a model, with effects added, to the training data, and their errors on the unseen ones.
 
     ``problem``, ``unseen``: the records, prepared; ``short``: what is fitted to, stretches where records are long.
-    ``heard``: values of effects that the force witness found, one by one; ``searched``: effects tried on top of others.
+    ``from_equation_error``: values of effects that the equation-error estimate found, one by one; ``searched``:
+    effects tried on top of others.
     """
 
     def __init__(
@@ -62,17 +65,17 @@ class Motion(Decisions, Running):
         jobs: int | None = None,
         progress: Progress | None = None,
         cancelled: Callable[[], bool] | None = None,
-        seen: Callable[[Fitted], None] | None = None,
+        seen: Callable[[FittedModel], None] | None = None,
     ) -> None:
         """Fit the model as given; ``seen`` is called with every fit that is the best of its effects by then."""
         self.problem, self.unseen, self.criteria = problem, unseen, criteria
         self.short = stretched(problem)
         super().__init__(jobs or min(os.cpu_count() or 1, 2), progress, cancelled)
         self._seen = seen or (lambda f: None)
-        self._best: dict[tuple[str, ...], Fitted] = {}
+        self._best: dict[tuple[str, ...], FittedModel] = {}
         self._followed: dict[tuple[str, ...], Fit | None] = {}
-        self._asked: list[tuple[tuple[tuple[str, ...], Model | None], Fitted]] = []
-        self.heard: dict[str, dict[str, float]] = {}
+        self._asked: list[tuple[tuple[tuple[str, ...], Model | None], FittedModel]] = []
+        self.from_equation_error: dict[str, dict[str, float]] = {}
         self.searched: dict[tuple[str, ...], set[str]] = {}
         self.say("base model")
         found = self._settled(candidate(problem, problem.base, ()), None)
@@ -82,8 +85,10 @@ class Motion(Decisions, Running):
             raise SimulationError(f"{problem.base.source}: {apart}")
         self._keep(found)
 
-    def holding(self, values: Mapping[str, float], told: bool = False) -> Motion:
-        """Return the same witness, of the same model as given, with parameters held; ``told``: of what it fits, too."""
+    def holding(self, values: Mapping[str, float], told: bool = False) -> OutputErrorEstimator:
+        """Return the same estimate, of the same model as given, with parameters held; ``told``: of what it fits,
+        too.
+        """
         base = self.problem.base.with_parameters(values)
         held = base.with_options(frozen=tuple(dict.fromkeys((*base.frozen, *values))))
         known, unseen = (replace(side, base=held) for side in (self.problem, self.unseen))
@@ -95,47 +100,49 @@ class Motion(Decisions, Running):
         """Take the model as given for the best of its class."""
         self._best[()] = self.as_it_is(self.given.model)
 
-    def acting(self, hold: str | float) -> Motion:
-        """Return the same witness with inputs that act as a model's ``input_hold`` may say."""
+    def acting(self, hold: str | float) -> OutputErrorEstimator:
+        """Return the same estimate with inputs that act as a model's ``input_hold`` may say."""
         return self._with_problems(self.problem.acting(hold), self.unseen.acting(hold))
 
-    def _with_problems(self, known: Problem, unseen: Problem, seen: Callable[[Fitted], None] | None = None) -> Motion:
-        return Motion(known, unseen, self.criteria, self.jobs, self._tell, self._cancelled, seen)
+    def _with_problems(
+        self, known: Problem, unseen: Problem, seen: Callable[[FittedModel], None] | None = None
+    ) -> OutputErrorEstimator:
+        return OutputErrorEstimator(known, unseen, self.criteria, self.jobs, self._tell, self._cancelled, seen)
 
     # ------------------------------------------------------------ fits
 
     @property
-    def base(self) -> Fitted:
+    def base(self) -> FittedModel:
         """The best fit of the model as given."""
         return self._best[()]
 
     @functools.cached_property
-    def given(self) -> Fitted:
+    def given(self) -> FittedModel:
         """The model as given."""
         return self.as_it_is(self.problem.base)
 
-    def best(self, f: Fitted) -> Fitted:
+    def best(self, f: FittedModel) -> FittedModel:
         """Return the best fit of a model that is known by now: a larger one may have shown the way out of a minimum."""
         return self._best[f.kind]
 
-    def _settled(self, c: Candidate, *starts: Array | None) -> Found | None:
+    def _settled(self, c: Candidate, *starts: Array | None) -> Minimum | None:
         return settled(self.short, c, starts, self.check)
 
-    def _keep(self, found: Found) -> Fitted:
+    def _keep(self, found: Minimum) -> FittedModel:
         """Return a fit with all that is told of it, or the best of its class, if that is another one."""
         mine = self._told(found.fit, found.low)
         known = self._best.get(mine.kind)
-        if known is None or self._level(mine.known_squares) < self._level(known.known_squares):
+        if known is None or self._level(mine.training_squares) < self._level(known.training_squares):
             self._best[mine.kind] = mine
             self._seen(mine)
         return self._best[mine.kind]
 
-    def _told(self, f: Fit, low: Fit) -> Fitted:
+    def _told(self, f: Fit, low: Fit) -> FittedModel:
         """Return a fit with all that is told of it: errors are `_windows`, what is left is that of ``low``."""
         f = tidied(f)
-        whole, errors, uses = Parts.of(f).whole, covariances(self.short, f), f.candidate.model.effects
+        whole, errors, uses = CandidateParts.of(f).whole, covariances(self.short, f), f.candidate.model.effects
         coordinates = coordinates_of(f, errors)
-        return Fitted(
+        return FittedModel(
             tuple(uses[k].type if k in uses else k.partition(".")[0] for k in f.candidate.label),
             whole,
             estimates(self.problem, whole, coordinates),
@@ -149,7 +156,7 @@ class Motion(Decisions, Running):
         )
 
     def _windows(self, c: Candidate, theta: Array, as_it_is: bool = False) -> tuple[Array, Array]:
-        """Return the squared errors of known and unseen records, of each channel from the observer that predicts the
+        """Return the squared errors of known and validation data, of each channel from the observer that predicts the
         known ones of it best: from one for all, a channel rose. Where records are held out in turn, what is known is
         fitted to the others each time, unless a model is taken ``as_it_is``.
         """
@@ -166,7 +173,7 @@ class Motion(Decisions, Running):
     def _level(self, squares: Array) -> float:
         return level(squares, self.problem.noise)
 
-    def fitted(self, effects: Sequence[str], start: Model | None = None) -> Fitted:
+    def fitted(self, effects: Sequence[str], start: Model | None = None) -> FittedModel:
         """Return the best fit of these effects beside the base parameters: from the values of ``start``, if it has all
         of them; else from those that a scan finds, one effect after the other, each from what ``start`` has of it.
         """
@@ -183,24 +190,24 @@ class Motion(Decisions, Running):
         self._asked.append((asked, found))
         return found
 
-    def stated(self, effects: Sequence[str], model: Model) -> Fitted | None:
+    def stated(self, effects: Sequence[str], model: Model) -> FittedModel | None:
         """Return effects with the values that a model has of them, and of its base parameters, as they are."""
         c, theta = self.valued(effects, model)
         f = fit(self.short, c, self.problem.levels[0], theta, 0)
         return self._told(f, f) if f else None
 
-    def as_it_is(self, model: Model, effects: tuple[str, ...] = ()) -> Fitted:
+    def as_it_is(self, model: Model, effects: tuple[str, ...] = ()) -> FittedModel:
         """Return a model of the same states as the one given as it is: nothing is fitted, errors are `_windows`."""
         c = candidate(replace(self.problem, base=model), model, ())
         squares, unseen = self._windows(c, c.start(), as_it_is=True)
-        return replace(self.base, effects=effects, model=model, known_squares=squares, unseen_squares=unseen)
+        return replace(self.base, effects=effects, model=model, training_squares=squares, validation_squares=unseen)
 
     def soon(self, c: Candidate, theta: Array) -> float:
-        """Return -2 log likelihood of the known records a few steps from some coordinates; inf where it diverges."""
-        f = fit(self.short, c, self.problem.levels[1], theta, NEXT)
+        """Return -2 log likelihood of the training data a few steps from some coordinates; inf where it diverges."""
+        f = fit(self.short, c, self.problem.levels[1], theta, MIDDLE_STEPS)
         return f.cost if f else np.inf
 
-    def _as_given(self, effects: Sequence[str], start: Model) -> Fitted | None:
+    def _as_given(self, effects: Sequence[str], start: Model) -> FittedModel | None:
         """Return the fit of effects from the values of a model that has them all, its base parameters too."""
         if not effects:
             return self.base
@@ -211,7 +218,7 @@ class Motion(Decisions, Running):
 
     def valued(self, effects: Sequence[str], start: Model) -> tuple[Candidate, Array]:
         """Return the candidate with some effects, and its coordinates with the values of a model that has them all."""
-        parts = Parts.of(self.base.fit)
+        parts = CandidateParts.of(self.base.fit)
         for name in effects:
             options = trials(self.problem, [name])
             trial = next((t for t in options if t.values(start)), options[0]).given(self.problem, start)
@@ -219,18 +226,18 @@ class Motion(Decisions, Running):
         c = parts.candidate(self.problem)
         return c, c.start(numbers(start))
 
-    def _held(self, c: Candidate, theta: Array, found: Found | None) -> Found | None:
+    def _held(self, c: Candidate, theta: Array, found: Minimum | None) -> Minimum | None:
         """Return a candidate fitted from given values with the quickest observer: a slower one lets a motion slip from
         one wave to the next. None where what was ``found`` without it is as good.
         """
-        tried = (fit(self.short, c, self.problem.levels[0], theta, steps) for steps in (0, NEXT))
-        held = min((Found.of(self.short, f, f) for f in tried if f), key=attrgetter("level"), default=None)
+        tried = (fit(self.short, c, self.problem.levels[0], theta, steps) for steps in (0, MIDDLE_STEPS))
+        held = min((Minimum.of(self.short, f, f) for f in tried if f), key=attrgetter("level"), default=None)
         if held is None or (found and found.level <= held.level):
             return None
-        low = fit(self.short, c, self.problem.levels[-1], held.fit.theta, NEXT)
+        low = fit(self.short, c, self.problem.levels[-1], held.fit.theta, MIDDLE_STEPS)
         return replace(held, low=cheapest([low, found.low if found else None]) or held.fit)
 
-    def _with(self, now: Fitted, options: Sequence[Trial]) -> Fitted:
+    def _with(self, now: FittedModel, options: Sequence[Trial]) -> FittedModel:
         """Return a fit with one effect more, the best of some trials (of a sensor there is one for each channel)."""
         best = cheapest(self.each(lambda t: self._climbed(now.fit, t), options))
         found = next(iter(self._all_finished(now, [best] if best else [])), None)
@@ -239,7 +246,7 @@ class Motion(Decisions, Running):
             raise SimulationError(f"{self.problem.base.source}: with {name} the model diverges on these records")
         return found
 
-    def _climbed(self, before: Fit, trial: Trial, few: int = FEW, on: int = 0) -> Fit | None:
+    def _climbed(self, before: Fit, trial: Trial, few: int = MAX_STARTS, on: int = 0) -> Fit | None:
         self.check()
         return climbed(self.short, before, rescanned(self.short, trial, before), few, on)
 
@@ -247,22 +254,24 @@ class Motion(Decisions, Running):
         """Return the best fit of one more effect from all its starts (some, where it has many minima), gone on with."""
         key = (*before.candidate.label, trial.name, trial.channel)
         if key not in self._followed:
-            self._followed[key] = self._climbed(before, trial, FEW if trial.effect.rugged else len(trial.starts), ON)
+            self._followed[key] = self._climbed(
+                before, trial, MAX_STARTS if trial.effect.rugged else len(trial.starts), ON
+            )
         return self._followed[key]
 
-    def _all_finished(self, of: Fitted, fits: Sequence[Fit]) -> list[Fitted]:
+    def _all_finished(self, of: FittedModel, fits: Sequence[Fit]) -> list[FittedModel]:
         """Return promising fits gone on with to the end, also from the base parameters of what they extend, and that
         one from where they arrived: each is then the best of its class. What is kept of one bears on the next, so that
         is done in order: no answer depends on which of several was done first.
         """
 
-        def finished(f: Fit) -> Found | None:
+        def finished(f: Fit) -> Minimum | None:
             found = self._settled(f.candidate, f.theta, f.candidate.start({**f.parameters(), **of.fit.parameters()}))
             return self._nearby(found) if found else None
 
         return [self._around(found) for found in self.each(finished, fits) if found]
 
-    def _nearby(self, found: Found) -> Found:
+    def _nearby(self, found: Minimum) -> Minimum:
         """Return a fit, or a better one that its last effect leads to from near where it arrived, and so on."""
         f = found.fit
         key = next(reversed(f.candidate.label), "")
@@ -271,13 +280,13 @@ class Motion(Decisions, Running):
         if not use or not near:
             return found
         points = [completed(self.problem, EFFECTS[use.type], p) for p in near]
-        parts = Parts.of(f).without(key)
+        parts = CandidateParts.of(f).without(key)
         candidates = [parts.extended(use.type, point).candidate(self.problem) for point in points]
         plain = {n: v for n, v in f.parameters().items() if not n.startswith(f"{key}.")}
         again = self._lower(f, [(c, c.start(plain)) for c in candidates])
         return self._nearby(again) if again and again.level < found.level else found
 
-    def _around(self, found: Found) -> Fitted:
+    def _around(self, found: Minimum) -> FittedModel:
         """Keep a fit, and fit those that lack one of its effects from where it arrived, if that leads further down; and
         it from one of these that is better without the effect: a larger model follows what it was fitted to as well.
         """
@@ -288,15 +297,15 @@ class Motion(Decisions, Running):
                 continue
             again = self._lower(other.fit, [(one, one.start(found.fit.parameters()))])
             best = self._keep(self._nearby(again)) if again else other
-            if self._level(best.known_squares) < self._level(mine.known_squares):
+            if self._level(best.training_squares) < self._level(mine.training_squares):
                 better = self._lower(found.fit, [(c, c.as_without(best.fit.parameters(), best.kind))])
                 mine = self._keep(self._nearby(better)) if better else mine
         return mine
 
-    def _lower(self, f: Fit, points: Sequence[tuple[Candidate, Array]]) -> Found | None:
+    def _lower(self, f: Fit, points: Sequence[tuple[Candidate, Array]]) -> Minimum | None:
         """Return the best of some points gone on with to the end, if a few steps lead further down than from a fit."""
         middle, starts = self.problem.levels[1], [(c.apart(), x) for c, x in ((f.candidate, f.theta), *points)]
-        here, *there = self.each(lambda one: fit(self.short, one[0], middle, one[1], NEXT), starts)
+        here, *there = self.each(lambda one: fit(self.short, one[0], middle, one[1], MIDDLE_STEPS), starts)
         best = cheapest(there)
         if best is None or (here and best.cost > here.cost - 1.0):
             return None
@@ -305,9 +314,13 @@ class Motion(Decisions, Running):
     # ------------------------------------------------------------ one effect more
 
     def extensions(
-        self, of: Fitted, names: Sequence[str] | None = None, rival: Fitted | None = None, share: float | None = None
-    ) -> list[Fitted]:
-        """Return what can be added to a fit, the promising ones fitted out, least error on unseen data first; what
+        self,
+        of: FittedModel,
+        names: Sequence[str] | None = None,
+        rival: FittedModel | None = None,
+        share: float | None = None,
+    ) -> list[FittedModel]:
+        """Return what can be added to a fit, the promising ones fitted out, least error on validation data first; what
         comes near a ``rival`` that is as good. ``share``: from all starts, what gains this much of the best's gain.
         """
         options = [self._heard(t) for t in trials(self.problem, names) if t.name not in of.effects]
@@ -324,13 +337,13 @@ class Motion(Decisions, Running):
         return sorted({one.kind: one for one in found}.values(), key=attrgetter("level"))
 
     def _heard(self, trial: Trial) -> Trial:
-        """Return a trial that starts from what the force witness found of its effect, too."""
-        values = self.heard.get(trial.name)
+        """Return a trial that starts from what the equation-error estimate found of its effect, too."""
+        values = self.from_equation_error.get(trial.name)
         if not values:
             return trial
         return replace(trial, starts=(completed(self.problem, trial.effect, values), *trial.starts))
 
-    def _richer(self, of: Fitted, found: Sequence[Fitted], options: Sequence[Trial]) -> list[Fit]:
+    def _richer(self, of: FittedModel, found: Sequence[FittedModel], options: Sequence[Trial]) -> list[Fit]:
         """Return fits of effects that extend others, from where these arrived."""
         jobs = []
         for use in (f.added[key] for f in found for key in f.fit.candidate.label[-1:] if key in f.added):
@@ -340,25 +353,25 @@ class Motion(Decisions, Running):
                 jobs += [replace(trial, starts=starts)] if starts else []
         return [f for f in self.each(lambda t: self._climbed(of.fit, t, len(t.starts)), jobs) if f]
 
-    def plainer(self, *fits: Fitted) -> list[Fitted]:
+    def plainer(self, *fits: FittedModel) -> list[FittedModel]:
         """Return fits with the simpler law in place of one that cannot be told from it, or that is one for the values
         found; without it beside others where nothing tells it from nothing.
         """
         fewer = [(c, c.start(f.fit.parameters())) for f in fits for c in self._fewer(f)]
         return [self._around(one) for one in self.each(lambda pair: self._settled(*pair), fewer) if one]
 
-    def _fewer(self, f: Fitted) -> list[Candidate]:
+    def _fewer(self, f: FittedModel) -> list[Candidate]:
         """Return the candidates that are simpler than a fit in one of its effects."""
-        parts, found = Parts.of(f.fit), list[Parts]()
+        parts, found = CandidateParts.of(f.fit), list[CandidateParts]()
         for key, use in f.added.items():
-            effect, vague = EFFECTS[use.type], f.vague(self.criteria).startswith(key)
-            nothing = {n: 0.0 for n in effect.telling if vague and not effect.pars()[n].positive}
+            effect, insignificant = EFFECTS[use.type], f.insignificant(self.criteria).startswith(key)
+            nothing = {n: 0.0 for n in effect.telling if insignificant and not effect.pars()[n].positive}
             rest, simpler = parts.without(key), effect.simpler(use.parameters | nothing)
             fewer = [rest.extended(n, start) for n, start in simpler.items()]
-            found += fewer or ([rest] if vague and len(f.effects) > 1 else [])
+            found += fewer or ([rest] if insignificant and len(f.effects) > 1 else [])
         return [one.candidate(self.problem) for one in found]
 
-    def bred(self, of: Fitted, names: Sequence[str] | None = None) -> list[Fitted]:
+    def bred(self, of: FittedModel, names: Sequence[str] | None = None) -> list[FittedModel]:
         """Return what can be added of the effects that have many local minima, from the best of all their starts."""
         options = [t for t in trials(self.problem, names) if t.effect.rugged and t.name not in of.effects]
         self.say("effects with many local minima")
@@ -368,8 +381,11 @@ class Motion(Decisions, Running):
     # ------------------------------------------------------------ one effect after the other
 
     def search(
-        self, depth: int, names: Sequence[str] | None = None, single: Callable[[Fitted], Fitted | None] = lambda _: None
-    ) -> list[list[Fitted]]:
+        self,
+        depth: int,
+        names: Sequence[str] | None = None,
+        single: Callable[[FittedModel], FittedModel | None] = lambda _: None,
+    ) -> list[list[FittedModel]]:
         """Return the steps from the base to what is proposed: of each what was taken, then the other options, least
         error first. The first is the base; the last holds what was tried in vain too. ``names``: tried, all by default;
         ``single`` finds the one effect that is enough where the first step leaves more than noise.
@@ -397,4 +413,4 @@ class Motion(Decisions, Running):
         return path
 
 
-__all__ = ["Motion"]
+__all__ = ["OutputErrorEstimator"]

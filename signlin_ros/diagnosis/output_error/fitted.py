@@ -1,4 +1,4 @@
-"""A fitted model as the judge sees it: parameters with honest standard errors, errors on seen and unseen data."""
+"""A fitted model as the judge sees it: parameters with honest standard errors, errors on seen and validation data."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.criteria import Criteria
-from signlin_ros.diagnosis.motion.left import Left
-from signlin_ros.diagnosis.motion.score import level
-from signlin_ros.diagnosis.results import Estimate
+from signlin_ros.diagnosis.output_error.residual import ResidualStructure
+from signlin_ros.diagnosis.output_error.score import level
+from signlin_ros.diagnosis.results import ParameterEstimate
 from signlin_ros.effects import EFFECTS
 from signlin_ros.effects.base import Effect
 from signlin_ros.fitting.candidate import Coordinate
@@ -27,15 +27,15 @@ from signlin_ros.recording.trace import resolve_unit
 
 Array = NDArray[np.float64]
 
-BLOCKS, BLOCK = 40, 0.25
+MAX_SCORE_BLOCKS, MIN_SCORE_BLOCK = 40, 0.25
 """Blocks that a standard error is taken from, and how long each is at least in s."""
-EDGE = 1e-6
+BOUND_TOLERANCE = 1e-6
 """How near a coordinate is to a bound that it is at, in standard units."""
 ODD, UNTOLD = 3.0, 0.95
 """Tolerances from nominal that are told; part of its tolerance above which a standard error says that nothing shows."""
 
 
-class Known(NamedTuple):
+class FittedCoordinate(NamedTuple):
     """A coordinate of a fit, where it ended, and its standard error."""
 
     k: Coordinate
@@ -61,7 +61,7 @@ class Known(NamedTuple):
     @property
     def at_bound(self) -> bool:
         """Whether it ended at a bound."""
-        near = EDGE * max(min(abs(self.k.low), abs(self.k.high)), 1.0)
+        near = BOUND_TOLERANCE * max(min(abs(self.k.low), abs(self.k.high)), 1.0)
         return not self.k.low + near < self.x < self.k.high - near
 
     @property
@@ -76,37 +76,37 @@ class Known(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Fitted:
-    """A model fitted to the known records.
+class FittedModel:
+    """A model fitted to the training data.
 
     ``effects``: names added to the model as given; ``model``: the whole of it; ``parameters`` by name (``c``,
-    ``coulomb_friction.mu``, ``sensor_offset.speed``). ``known_squares``, ``unseen_squares`` (blocks, channels): mean
-    squared errors of windows, in blocks that are the same for all models, NaN where nothing is measured; ``noise``
-    (channels) of unseen data. ``known``: coordinates of the ``fit``; ``covariances`` (n, n): as of white noise, and
+    ``coulomb_friction.mu``, ``sensor_offset.speed``). ``training_squares``, ``validation_squares`` (blocks, channels):
+    mean squared errors of windows, in blocks that are the same for all models, NaN where nothing is measured; ``noise``
+    (channels) of validation data. ``known``: coordinates of the ``fit``; ``covariances`` (n, n): as of white noise, and
     robust. ``look`` finds what is `left`, ``apart`` how many standard errors coordinates are from nothing (`without`).
     """
 
     effects: tuple[str, ...]
     model: Model
-    parameters: dict[str, Estimate]
-    known_squares: Array
-    unseen_squares: Array
+    parameters: dict[str, ParameterEstimate]
+    training_squares: Array
+    validation_squares: Array
     noise: Array
     fit: Fit = field(repr=False)
-    known: tuple[Known, ...] = field(repr=False)
+    known: tuple[FittedCoordinate, ...] = field(repr=False)
     covariances: tuple[Array, ...] = field(repr=False)
-    look: Callable[[], tuple[Left, ...]] = field(repr=False)
+    look: Callable[[], tuple[ResidualStructure, ...]] = field(repr=False)
     apart: Callable[[tuple[int, ...]], float] = field(repr=False)
 
     @cached_property
-    def left(self) -> tuple[Left, ...]:
+    def left(self) -> tuple[ResidualStructure, ...]:
         """What the residual still shows, by channel."""
         return self.look()
 
     @property
     def errors(self) -> Array:
-        """RMS errors (channels,) of unseen data over the horizon: those of the tables."""
-        return np.asarray(np.sqrt(np.nanmean(self.unseen_squares, axis=0)))
+        """RMS errors (channels,) of validation data over the horizon: those of the tables."""
+        return np.asarray(np.sqrt(np.nanmean(self.validation_squares, axis=0)))
 
     @property
     def kind(self) -> tuple[str, ...]:
@@ -119,7 +119,7 @@ class Fitted:
         return not any(one.structured for one in self.left)
 
     def near(self, times: float) -> bool:
-        """Tell whether every channel of unseen data errs by less than so many times its sensor's noise."""
+        """Tell whether every channel of validation data errs by less than so many times its sensor's noise."""
         return bool(np.all(self.errors < times * self.noise))
 
     @property
@@ -129,8 +129,8 @@ class Fitted:
 
     @property
     def level(self) -> float:
-        """Sum over channels of the logarithms of the mean squared error on unseen data, less being better."""
-        return level(self.unseen_squares, self.noise)
+        """Sum over channels of the logarithms of the mean squared error on validation data, less being better."""
+        return level(self.validation_squares, self.noise)
 
     @property
     def added(self) -> dict[str, EffectUse]:
@@ -144,7 +144,7 @@ class Fitted:
         return len(own | {f"{k}.{n}" for k, use in self.added.items() for n in EFFECTS[use.type].periodic[:1]})
 
     @cached_property
-    def strain(self) -> float:
+    def prior_distance(self) -> float:
         """Squared distance of the parameters of the model as given from their values there, in tolerances."""
         base = (one for one in self.known if one.key not in self.kind)
         return float(sum(((one.x - one.k.prior) / one.k.spread) ** 2 for one in base))
@@ -159,17 +159,17 @@ class Fitted:
         return {n: x for n, x in self.off.items() if abs(x) > criteria.far}
 
     @property
-    def unreal(self) -> list[str]:
+    def implausible(self) -> list[str]:
         """The effects that were added whose values are those of something that their equation imitates."""
         return [k for k, use in self.added.items() if not EFFECTS[use.type].plausible(use.parameters)]
 
-    def vague(self, criteria: Criteria) -> str:
+    def insignificant(self, criteria: Criteria) -> str:
         """Return why what was added cannot be named: a coefficient that is nothing, at a bound or hardly known."""
         return next((why for key in self.fit.candidate.label if (why := self._vague(key, criteria))), "")
 
     def _vague(self, key: str, criteria: Criteria) -> str:
         effect = EFFECTS[self.added[key].type if key in self.added else key.partition(".")[0]]
-        if key in self.unreal:
+        if key in self.implausible:
             return f"the values of {key} are not those of a real one"
         told, where = (*effect.telling, *effect.essential), {*effect.turning[1:], *effect.periodic[:1]}
         own = {i: one for i, one in enumerate(self.known) if one.key == key and one.name not in where}
@@ -222,11 +222,11 @@ class Fitted:
         return float(np.sqrt(min(max(float(apart @ i @ apart), 0.0) for i in inverses)))
 
 
-def coordinates_of(f: Fit, covariances: Sequence[Array]) -> tuple[Known, ...]:
+def coordinates_of(f: Fit, covariances: Sequence[Array]) -> tuple[FittedCoordinate, ...]:
     """Return a fit's coordinates with standard errors, the largest of some covariances; inf of what moves nothing."""
     variances = np.max([np.diag(c) for c in covariances], axis=0)
     errors = np.sqrt(np.where(variances > 0.0, variances, np.inf))
-    return tuple(map(Known, f.candidate.coordinates, f.theta.tolist(), errors.tolist()))
+    return tuple(map(FittedCoordinate, f.candidate.coordinates, f.theta.tolist(), errors.tolist()))
 
 
 def covariances(problem: Problem, f: Fit) -> tuple[Array, ...]:
@@ -237,7 +237,7 @@ def covariances(problem: Problem, f: Fit) -> tuple[Array, ...]:
     found = follow_records(problem, f.candidate, f.theta, f.gains, True)
     if found is None:
         return (bread,)
-    block = max(int(BLOCK / problem.scale.step), problem.samples // BLOCKS)
+    block = max(int(MIN_SCORE_BLOCK / problem.scale.step), problem.samples // MAX_SCORE_BLOCKS)
     slopes = f.candidate.slopes(f.theta)
     errors = np.concatenate(found[0])
     weight = np.isfinite(errors).sum(axis=0) / np.maximum(np.nansum(errors**2, axis=0), 1e-300)
@@ -257,17 +257,17 @@ def covariance(information: Array) -> Array:
     return np.asarray((axes / np.maximum(values, least)) @ axes.T, dtype=np.float64)
 
 
-def estimates(problem: Problem, model: Model, coordinates: Sequence[Known]) -> dict[str, Estimate]:
+def estimates(problem: Problem, model: Model, coordinates: Sequence[FittedCoordinate]) -> dict[str, ParameterEstimate]:
     """Return all free parameters with standard errors and units."""
     units = _units(problem, model)
     known = ((one, one.std * abs(one.k.slope(one.x))) for one in coordinates)
-    return {k.k.name: Estimate(k.k.value(k.x), error, units[k.k.name], k.note) for k, error in known}
+    return {k.k.name: ParameterEstimate(k.k.value(k.x), error, units[k.k.name], k.note) for k, error in known}
 
 
-def held(problem: Problem, model: Model, free: Collection[str]) -> dict[str, Estimate]:
+def held(problem: Problem, model: Model, free: Collection[str]) -> dict[str, ParameterEstimate]:
     """Return the parameters of the plant that are not free, with units."""
     units = _units(problem, model)
-    return {n: Estimate(x, None, units[n], "held") for n, x in model.parameters.items() if n not in free}
+    return {n: ParameterEstimate(x, None, units[n], "held") for n, x in model.parameters.items() if n not in free}
 
 
 def _units(problem: Problem, model: Model) -> dict[str, str]:
@@ -275,4 +275,4 @@ def _units(problem: Problem, model: Model) -> dict[str, str]:
     return {n: resolve_unit(par.unit, model.plant, problem.rotary) for n, par in declared(model).items()}
 
 
-__all__ = ["Fitted", "Known", "coordinates_of", "covariance", "covariances", "estimates", "held"]
+__all__ = ["FittedCoordinate", "FittedModel", "coordinates_of", "covariance", "covariances", "estimates", "held"]

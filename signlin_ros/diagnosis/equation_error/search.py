@@ -9,29 +9,29 @@ from itertools import chain
 
 import numpy as np
 
-from signlin_ros.diagnosis.force.laws import Ripple, Shape
-from signlin_ros.diagnosis.force.regression import TINY, Fit, Member, Regression
-from signlin_ros.diagnosis.force.subsets import Subsets
-from signlin_ros.diagnosis.force.waves import Waves
+from signlin_ros.diagnosis.equation_error.laws import Ripple, Shape
+from signlin_ros.diagnosis.equation_error.regression import MIN_DIVISOR, Member, Regression, RegressionFit
+from signlin_ros.diagnosis.equation_error.subsets import Subsets
+from signlin_ros.diagnosis.equation_error.waves import Waves
 
-REFINED = 2
+REFINED_BEAMS = 2
 """The best so many times `Criteria.beam` of a step are refined."""
-STEPS, MOVES, NOTHING = (0.25, 0.1, 0.04), 3, 1 - 1e-4
+SHAPE_STEPS, MAX_SHAPE_MOVES, NO_GAIN = (0.25, 0.1, 0.04), 3, 1 - 1e-4
 """Relative steps that refine a shape, and how often in a row, unless one leaves more than this of the squared error."""
-LITTLE = 0.97
+MAX_STEP_RATIO = 0.97
 """A step that leaves more than this of the squared error of the one before ends the search."""
-HARMONICS = 8
+MAX_HARMONICS = 8
 """Most harmonics of a wave beyond its first."""
 
 
 @dataclass(eq=False)
-class Search:
+class SubsetSearch:
     """Sets of laws fitted so far, by their names; ``shapes`` of each law that are known; ``whole``: so are orders."""
 
     r: Regression
     whole: bool
     shapes: dict[str, list[Shape]]
-    models: dict[frozenset[str], Fit] = field(default_factory=dict)
+    models: dict[frozenset[str], RegressionFit] = field(default_factory=dict)
 
     def run(self) -> None:
         """Fit sets of laws, in `Criteria.most` steps or until nothing is gained."""
@@ -39,21 +39,23 @@ class Search:
         for count in range(1, self.r.criteria.most + 1):
             before = min(f.trained for f in self.models.values())
             best = self._step(best, count)
-            if not best or (count > 1 and min(f.trained for f in best) > LITTLE * before):
+            if not best or (count > 1 and min(f.trained for f in best) > MAX_STEP_RATIO * before):
                 break
         rippled = self._rippled(self._choice())
         if rippled is not None and len(rippled.members) < self.r.criteria.most:
             beside = self._subsets(rippled.members).beside(rippled.members, self._others(rippled), rippled.trained)
             self._fitted(list(beside))
 
-    def _rippled(self, f: Fit) -> Fit | None:
-        """Return a fit whose wave has as many harmonics as unseen data ask for; None if it has no wave, or but one."""
+    def _rippled(self, f: RegressionFit) -> RegressionFit | None:
+        """Return a fit whose wave has as many harmonics as validation data ask for; None if it has no wave, or but
+        one.
+        """
         wave = next((m for m in f.members if self.r.laws[m[0]].effect.periodic), None)
         name = next((n for n, law in self.r.laws.items() if isinstance(law, Ripple)), None)
         if wave is None or name is None:
             return None
         rest, best, orders = [m for m in f.members if m is not wave], f, wave[1]
-        for _ in range(HARMONICS):
+        for _ in range(MAX_HARMONICS):
             more = [N for N in self.waves.strongest(best.left) if all(abs(N - other) > 1e-9 for _, other in orders)]
             tried = [self.r.fitted([*rest, (name, (*orders, (wave[1][0][0], N)))]) for N in more]
             found = min(tried, key=lambda g: g.trained, default=None)
@@ -63,35 +65,35 @@ class Search:
         return self._keep(best) if best is not f else None
 
     @property
-    def base(self) -> Fit:
+    def base(self) -> RegressionFit:
         """The base model's best fit."""
         return self.models[frozenset()]
 
-    def _keep(self, f: Fit) -> Fit:
+    def _keep(self, f: RegressionFit) -> RegressionFit:
         self.models[f.names] = min(self.models.get(f.names, f), f, key=lambda g: g.trained)
         return self.models[f.names]
 
-    def _step(self, best: Sequence[Fit], count: int) -> list[Fit]:
+    def _step(self, best: Sequence[RegressionFit], count: int) -> list[RegressionFit]:
         """Fit the best sets of ``count`` laws, and return the best of these; ``best``: of those of one law less."""
         for f in best:
             self._scan(f)
         subsets = self._subsets(chain.from_iterable(f.members for f in best))
         found = subsets.best(count, min(f.trained for f in best))
-        return self._fitted(found[: 4 * REFINED * self.r.criteria.beam])
+        return self._fitted(found[: 4 * REFINED_BEAMS * self.r.criteria.beam])
 
-    def _fitted(self, sets: Sequence[tuple[Member, ...]]) -> list[Fit]:
+    def _fitted(self, sets: Sequence[tuple[Member, ...]]) -> list[RegressionFit]:
         """Fit some sets, the first of them with their shapes between the points of the grid; return the best."""
         beam, fits = self.r.criteria.beam, [self.r.fitted(m) for m in sets]
-        refined = [self.refined(f) for f in fits[: REFINED * beam]]
-        fits = [self._keep(f) for f in (*refined, *fits[REFINED * beam :])]
+        refined = [self.refined(f) for f in fits[: REFINED_BEAMS * beam]]
+        fits = [self._keep(f) for f in (*refined, *fits[REFINED_BEAMS * beam :])]
         return sorted(fits, key=lambda f: f.trained * (1 + self.r.criteria.each * f.cost))[:beam]
 
-    def _others(self, f: Fit) -> list[str]:
+    def _others(self, f: RegressionFit) -> list[str]:
         """Return the laws that may stand beside those of a fit."""
         taken = {self.r.laws[n].family for n in f.names}
         return [n for n, law in self.r.laws.items() if law.family not in taken]
 
-    def _scan(self, f: Fit) -> None:
+    def _scan(self, f: RegressionFit) -> None:
         """Add the orders at which what a fit leaves repeats over the position to the shapes of periodic laws."""
         for name in self._others(f):
             for order in self.r.laws[name].effect.periodic[:1]:
@@ -119,16 +121,16 @@ class Search:
         q = np.concatenate([p.q for p in self.r.known.pieces])
         return float(q.min()), float(q.max())
 
-    def refined(self, f: Fit) -> Fit:
+    def refined(self, f: RegressionFit) -> RegressionFit:
         """Return a fit whose shapes lie between the points of the grid, by what is left of the fitted data."""
-        for step in STEPS:
+        for step in SHAPE_STEPS:
             for j, (name, shape) in enumerate(f.members):
                 f = self._restructured(f, j)
                 for n in self._movable(name, shape):
                     f = self._moved(f, j, n, step)
         return f
 
-    def _restructured(self, f: Fit, j: int) -> Fit:
+    def _restructured(self, f: RegressionFit, j: int) -> RegressionFit:
         """Return a fit with another value of a parameter that changes the equations, if that leaves less."""
         name, shape = f.members[j]
         for n in sorted(self.r.laws[name].structural):
@@ -143,7 +145,7 @@ class Search:
         held = {*law.effect.held, *law.parts.group[:1], *law.structural, *(law.effect.periodic if self.whole else ())}
         return [n for n, v in shape if v and n not in held]
 
-    def _moved(self, f: Fit, j: int, n: str, step: float) -> Fit:
+    def _moved(self, f: RegressionFit, j: int, n: str, step: float) -> RegressionFit:
         """Return a fit with a parameter of a shape moved by relative steps, as long as that leaves less."""
         effect = self.r.laws[f.members[j][0]].effect
         factors: tuple[float, ...] = (1 / (1 + step), 1 + step)
@@ -151,27 +153,27 @@ class Search:
         if n in effect.periodic:
             apart = 2 * np.pi / self.r.known.travel / dict(f.members[j][1])[n] * step
             factors, least = (1 - apart, 1 + apart), self.waves.slowest
-        for _ in range(MOVES):
+        for _ in range(MAX_SHAPE_MOVES):
             now, par = dict(f.members[j][1])[n], effect.pars()[n]
             values = {factor: float(f"{par.nearest(now * factor):.12g}") for factor in factors}
             tried = [(k, self.r.fitted(_put(f.members, j, n, v))) for k, v in values.items() if v >= least]
             factor, best = min(tried, key=lambda one: one[1].trained, default=(1.0, f))
-            if best.trained >= f.trained * NOTHING:
+            if best.trained >= f.trained * NO_GAIN:
                 break
             f, factors = best, (factor,)  # the other way lies where it came from
         return f
 
     # ------------------------------------------------------------------ the choice
 
-    def without(self, f: Fit, name: str) -> Fit:
+    def without(self, f: RegressionFit, name: str) -> RegressionFit:
         """Return the best fit known without one of a fit's laws: the reference of what that is worth."""
         return self._known([m for m in f.members if m[0] != name])
 
-    def _known(self, members: Sequence[Member]) -> Fit:
+    def _known(self, members: Sequence[Member]) -> RegressionFit:
         """Return the best fit known of some laws, whatever their shapes; with these, if there is none yet."""
         return self.models.get(frozenset(dict(members))) or self._keep(self.r.fitted(members))
 
-    def _simpler(self, f: Fit, name: str) -> list[Fit]:
+    def _simpler(self, f: RegressionFit, name: str) -> list[RegressionFit]:
         """Return the fits with a simpler law of the same family in a law's place."""
         law, rest = self.r.laws[name], [m for m in f.members if m[0] != name]
         kin = [n for n, other in self.r.laws.items() if other.family == law.family and n not in f.names]
@@ -182,22 +184,22 @@ class Search:
 
     @functools.cached_property
     def helpful(self) -> frozenset[str]:
-        """The laws that take away some of the missing force of unseen data, alone or beside others."""
+        """The laws that take away some of the missing force of validation data, alone or beside others."""
         fits = list(self.models.values())
         return frozenset(n for f in fits for n in f.names if self.without(f, n).error > f.error)
 
-    def sound(self, f: Fit) -> bool:
-        """Tell whether every law of a fit is needed on unseen data, and its level known; nothing known is bent, and no
-        law is there but to take away what another one makes.
+    def sound(self, f: RegressionFit) -> bool:
+        """Tell whether every law of a fit is needed on validation data, and its level known; nothing known is bent,
+        and no law is there but to take away what another one makes.
         """
         return not (self.bends(f) or self.cancels(f)) and all(self.needed(f, n) for n, _ in f.members)
 
-    def cancels(self, f: Fit) -> bool:
+    def cancels(self, f: RegressionFit) -> bool:
         """Tell whether laws all but cancel: together they vary by little of what one of them does."""
         laws = [self.r.unseen.columns(self.r.laws[n], z) @ f.theta[f.spans[n]] for n, z in f.members]
         return len(laws) > 1 and bool(np.var(sum(laws)) < self.r.criteria.part * max(map(np.var, laws)))
 
-    def bends(self, f: Fit) -> bool:
+    def bends(self, f: RegressionFit) -> bool:
         """Tell whether a fit moves a base parameter that carries force beyond tolerance, and further than the base."""
         c, r = self.r.criteria, self.r
         spread, theta, alone = (x[: r.b - 1] for x in (r.spread, f.theta, self.base.theta))
@@ -205,24 +207,24 @@ class Search:
         carried = np.abs(theta) * np.sqrt(np.mean(r.unseen.X[:, :-1] ** 2, axis=0)) > c.bent_share * r.unseen.effort
         return bool(f.members) and bool(np.any((moved > c.bent) & (moved > before + 1.0) & carried & (spread < 0.5)))
 
-    def needed(self, f: Fit, name: str) -> bool:
+    def needed(self, f: RegressionFit, name: str) -> bool:
         """Tell whether a law's level is known, its parameters are possible, and it takes away a sure and visible part
-        of the unseen error: of what is left without it; of all that is missing, beside a simpler law of its family.
+        of the validation error: of what is left without it; of all that is missing, beside a simpler law of its family.
         """
         free, shown = self.r.laws[name].free(dict(f.members)[name]), self.r.criteria.each * self.base.error
         if not self._told(f, name) or not self.worth(f, self.without(f, name), free):
             return False
         return all(self.worth(f, g, free) and g.error - f.error > shown for g in self._simpler(f, name))
 
-    def _told(self, f: Fit, name: str) -> bool:
+    def _told(self, f: RegressionFit, name: str) -> bool:
         """Tell whether the level of a law is known, its parameters are possible, and the records show what it is."""
         law = self.r.laws[name]
         values = law.parameters(dict(f.members)[name], f.theta[f.spans[name]])
         possible = law.effect.plausible(values) and law.effect.is_met(values, *self._stretch)
         return possible and self.level(f, name) >= self.r.criteria.coefficient
 
-    def worth(self, f: Fit, reference: Fit, free: int, whole: bool = False) -> bool:
-        """Tell whether a fit takes away a sure and visible part of a simpler one's unseen error, and of all that is
+    def worth(self, f: RegressionFit, reference: RegressionFit, free: int, whole: bool = False) -> bool:
+        """Tell whether a fit takes away a sure and visible part of a simpler one's validation error, and of all that is
         missing where more than noise is left: a small part beside that has no name, but one more wave (``whole``).
         """
         c, gone = self.r.criteria, reference.error - f.error
@@ -230,10 +232,10 @@ class Search:
         large = gone > c.each * max(free * reference.error, 0.0 if clean else self.base.error)
         return large and self.r.surely(f, reference) >= c.certainty
 
-    def level(self, f: Fit, name: str) -> float:
+    def level(self, f: RegressionFit, name: str) -> float:
         """Return by how many standard errors a law is from nothing: by what tells it from simpler ones, or by all."""
         law, span = self.r.laws[name], f.spans[name]
-        z = np.abs(f.theta[span]) / np.maximum(f.std[span], TINY)
+        z = np.abs(f.theta[span]) / np.maximum(f.std[span], MIN_DIVISOR)
         if law.parts.turning:
             return float(np.min(np.hypot(z[::2], z[1::2])))
         if law.parts.group or law.effect.telling or z.size == 1:
@@ -243,24 +245,24 @@ class Search:
         return float(np.sqrt(max(float(f.theta[at] @ inverse @ f.theta[at]), 0.0)))
 
     @functools.cached_property
-    def chosen(self) -> Fit:
+    def chosen(self) -> RegressionFit:
         """The least set that is sound, within a standard error or 1 % RMS of the best; what is worth most first."""
         found = self._choice()
         ordered = sorted(found.members, key=lambda m: -self.without(found, m[0]).error)
         return self.r.fitted(ordered) if len(ordered) > 1 else found
 
-    def _choice(self) -> Fit:
+    def _choice(self) -> RegressionFit:
         sound = [f for f in list(self.models.values()) if self.sound(f)] or [self.base]
         best = min(sound, key=lambda f: f.error)
         near = [f for f in sound if f is best or self.alike(best, f)]
         return min(near, key=lambda f: (f.cost, f.error))
 
-    def alike(self, best: Fit, f: Fit) -> bool:
-        """Tell whether a fit is as good as a better one on unseen data."""
+    def alike(self, best: RegressionFit, f: RegressionFit) -> bool:
+        """Tell whether a fit is as good as a better one on validation data."""
         c = self.r.criteria
         return self.r.surely(best, f) < c.tie or f.error < (1 + c.alike) ** 2 * best.error
 
-    def ties(self, f: Fit, name: str) -> tuple[str, ...]:
+    def ties(self, f: RegressionFit, name: str) -> tuple[str, ...]:
         """Return the laws that could as well stand in a fit for one of its own."""
         rest = self.without(f, name)
         others = [n for n in self.r.laws if n not in f.names]
@@ -277,4 +279,4 @@ def _put(members: Sequence[Member], j: int, n: str, value: float) -> tuple[Membe
     return (*members[:j], (name, tuple((k, value if k == n else v) for k, v in shape)), *members[j + 1 :])
 
 
-__all__ = ["Search"]
+__all__ = ["SubsetSearch"]

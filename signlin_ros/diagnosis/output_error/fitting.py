@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from signlin_ros.diagnosis.motion.score import level, parts_of, windowed
-from signlin_ros.diagnosis.motion.trials import Parts, Trial
+from signlin_ros.diagnosis.output_error.score import level, parts_of, windowed
+from signlin_ros.diagnosis.output_error.trials import CandidateParts, Trial
 from signlin_ros.effects import EFFECTS
 from signlin_ros.fitting.candidate import Candidate
 from signlin_ros.fitting.fit import Fit, evaluated, fit, further
@@ -21,24 +21,24 @@ from signlin_ros.fitting.problem import Problem
 Array = NDArray[np.float64]
 Each = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
 
-FEW, KEPT = 6, 2
+MAX_STARTS, STARTS_KEPT = 6, 2
 """Starts that are tried where an effect has many, and how many of all go on to the next gain."""
-FIRST, NEXT, LAST = 2, 4, 10
+FIRST_STEPS, MIDDLE_STEPS, LAST_STEPS = 2, 4, 10
 """Steps of a fit from a start, at the middle gain, and to the end."""
-ON, FOLLOWED = 30, 3
+ON, STARTS_FOLLOWED = 30, 3
 """Steps with which a fit goes on on a part of the records, and how many starts of an effect do."""
 SERIOUS, ANYWAY, FINISHED = 0.25, 3, 8
 """Share of the best candidate's gain that makes another worth a thorough fit; how many get one anyway, and at most."""
-ROUNDS, CHILDREN, PARENTS, BEST = 4, 48, 14, 3
+BREEDING_ROUNDS, CHILDREN, PARENTS, BRED_KEPT = 4, 48, 14, 3
 """Rounds of breeding, new points in each, the points that they are drawn around, and those that a fit starts from."""
-AROUND, STARTS = 3.0, 64
+AROUND, FREE_RUN_STARTS = 3.0, 64
 """Tolerances off nominal within which fits of free runs in a closed loop start, too, and how many do."""
-LEAST = 0.03
+MIN_SPREAD = 0.03
 """Smallest spread of the logarithm of what is drawn."""
 
 
 @dataclass(frozen=True)
-class Found:
+class Minimum:
     """A minimum: the fit at the gain whose windows are predicted best, the level of these errors, and the fit at the
     lowest gain, where most shows of what is missing.
     """
@@ -48,7 +48,7 @@ class Found:
     low: Fit
 
     @classmethod
-    def of(cls, problem: Problem, f: Fit, low: Fit) -> Found:
+    def of(cls, problem: Problem, f: Fit, low: Fit) -> Minimum:
         """Return a fit and one at the lowest gain with the level of the first."""
         return cls(f, level(windowed(problem, f.candidate, f.theta, f.gains), problem.noise), low)
 
@@ -58,25 +58,27 @@ def cheapest(fits: Iterable[Fit | None]) -> Fit | None:
     return min((f for f in fits if f), key=attrgetter("cost"), default=None)
 
 
-def settled(problem: Problem, c: Candidate, starts: Sequence[Array | None], check: Callable[[], None]) -> Found | None:
+def settled(
+    problem: Problem, c: Candidate, starts: Sequence[Array | None], check: Callable[[], None]
+) -> Minimum | None:
     """Return a candidate fitted from the best start at all gains but the highest, one by one; ``check`` may raise."""
     tried = []
     for theta in starts:
         check()
-        tried.append(fit(problem, c, problem.levels[1], theta, NEXT))
+        tried.append(fit(problem, c, problem.levels[1], theta, MIDDLE_STEPS))
     if problem.base.plant.closed_loop and not c.label:
         tried += _from_around(problem, c, [f.theta for f in tried if f])
     best = cheapest(tried)
     if best is None:
         return None
-    fits = [further(problem, best, LAST)]
+    fits = [further(problem, best, LAST_STEPS)]
     for gains in problem.levels[2:]:
         check()
-        lower = fit(problem, c, gains, fits[-1].theta, LAST)
+        lower = fit(problem, c, gains, fits[-1].theta, LAST_STEPS)
         if lower is None:
             break
         fits.append(lower)
-    found = min((Found.of(problem, f, fits[-1]) for f in fits), key=attrgetter("level"))
+    found = min((Minimum.of(problem, f, fits[-1]) for f in fits), key=attrgetter("level"))
     if found.fit is found.low:
         return found
     slow = fit(problem, c, found.low.gains, found.fit.theta, 0)  # on the way down a fit may lose what it had
@@ -90,11 +92,11 @@ def _from_around(problem: Problem, c: Candidate, known: Sequence[Array]) -> list
     """
     base = [i for i, k in enumerate(c.coordinates) if k.spread < 1.0]
     origin, reach = known[0] if known else c.start(), AROUND * np.array([c.coordinates[i].spread for i in base])
-    starts = np.tile(origin, (STARTS if base else 0, 1))
+    starts = np.tile(origin, (FREE_RUN_STARTS if base else 0, 1))
     starts[:, base] += reach * (2.0 * qmc.Halton(len(base), scramble=False).random(len(starts)) - 1.0) if base else 0.0
-    few = [fit(problem.short, c, problem.levels[1], np.clip(x, *c.bounds), NEXT) for x in starts]
-    near = sorted((f for f in few if f), key=attrgetter("cost"))[:KEPT]
-    return [fit(problem, c, problem.levels[1], f.theta, NEXT) for f in near]
+    few = [fit(problem.short, c, problem.levels[1], np.clip(x, *c.bounds), MIDDLE_STEPS) for x in starts]
+    near = sorted((f for f in few if f), key=attrgetter("cost"))[:STARTS_KEPT]
+    return [fit(problem, c, problem.levels[1], f.theta, MIDDLE_STEPS) for f in near]
 
 
 def in_turn(problem: Problem, c: Candidate, theta: Array, folds: Sequence[Sequence[int]]) -> Array:
@@ -104,7 +106,7 @@ def in_turn(problem: Problem, c: Candidate, theta: Array, folds: Sequence[Sequen
     gains, found = problem.levels[-1], dict[int, Array]()
     for fold in folds:
         others = tuple(s for i, s in enumerate(problem.segments) if i not in fold)
-        f = fit(replace(problem, segments=others), c, gains, theta, LAST)
+        f = fit(replace(problem, segments=others), c, gains, theta, LAST_STEPS)
         for i in fold:
             one = replace(problem, segments=(problem.segments[i],))
             found[i] = windowed(one, c, theta if f is None else f.theta, gains, parts_of(problem))
@@ -121,7 +123,7 @@ def without(problem: Problem, f: Fit, covariances: Sequence[Array], index: tuple
         kind = held[i].name.partition(".")[0]
         theta[i] = held[i].nothing(EFFECTS[c.model.effects[kind].type if kind in c.model.effects else kind])
         held[i] = replace(held[i], low=theta[i], high=theta[i])
-    best = fit(problem, replace(c, coordinates=tuple(held)), f.gains, theta, NEXT)
+    best = fit(problem, replace(c, coordinates=tuple(held)), f.gains, theta, MIDDLE_STEPS)
     if best is None:
         return np.inf
     scores = f.hessian @ covariances[-1] @ f.hessian
@@ -129,7 +131,7 @@ def without(problem: Problem, f: Fit, covariances: Sequence[Array], index: tuple
     return float(np.sqrt(max(best.cost - f.cost, 0.0) / correlated))
 
 
-def climbed(problem: Problem, before: Fit, trial: Trial, few: int = FEW, on: int = 0) -> Fit | None:
+def climbed(problem: Problem, before: Fit, trial: Trial, few: int = MAX_STARTS, on: int = 0) -> Fit | None:
     """Return the best fit of one more effect at the middle gain on a part of the records, from its first start and some
     of the others, with base parameters as given and as they were fitted before; the best go ``on`` so many steps.
     """
@@ -137,21 +139,21 @@ def climbed(problem: Problem, before: Fit, trial: Trial, few: int = FEW, on: int
     slow = problem.base.plant.closed_loop and bool(
         trial.effect.periodic
     )  # what watches tells little of a wave's height
-    few_steps, more = (NEXT, 2 * LAST) if slow else (FIRST, NEXT)
+    few_steps, more = (MIDDLE_STEPS, 2 * LAST_STEPS) if slow else (FIRST_STEPS, MIDDLE_STEPS)
     short = problem.led if remembers else problem.short
-    parts, known, label = Parts.of(before), before.parameters(), before.candidate.label
+    parts, known, label = CandidateParts.of(before), before.parameters(), before.candidate.label
     last = len(trial.starts) - 1
     at = dict.fromkeys([0, *np.linspace(min(1, last), last, min(few, last + 1)).astype(int).tolist()])
     candidates = [parts.extended(trial.name, trial.starts[i]).candidate(problem) for i in at]
     added = {n: v for n, v in known.items() if n in label or n.partition(".")[0] in label}
     ways = [added, known] if label else [added]
     first = [fit(short, c, high, c.start(way), few_steps) for c in candidates for way in ways]
-    best = sorted((f for f in first if f), key=attrgetter("cost"))[:KEPT]
+    best = sorted((f for f in first if f), key=attrgetter("cost"))[:STARTS_KEPT]
     second = [fit(short, f.candidate, middle, f.theta, more) for f in best]
     if remembers:  # a high gain says little of what is remembered
         second += [fit(short, c, middle, c.start(added), more) for c in candidates]
     if on:  # a few steps tell little of what starts far away
-        best = sorted((f for f in second if f), key=attrgetter("cost"))[:FOLLOWED]
+        best = sorted((f for f in second if f), key=attrgetter("cost"))[:STARTS_FOLLOWED]
         second = [further(short, f, on) for f in best]
     return cheapest(second)
 
@@ -161,7 +163,7 @@ def promising(problem: Problem, of: Fit, fits: Sequence[Fit], rival: Fit | None,
     default; some in any case, but where a ``rival`` is as good as these have to be.
     """
     short, middle = problem.short, problem.levels[1]
-    base, other = (fit(short, one.candidate, middle, one.theta, LAST) if one else None for one in (of, rival))
+    base, other = (fit(short, one.candidate, middle, one.theta, LAST_STEPS) if one else None for one in (of, rival))
     ordered = sorted(fits, key=attrgetter("cost"))
     if base is None or not ordered:
         return ordered[:FINISHED]
@@ -174,7 +176,7 @@ def bred(problem: Problem, before: Fit, trial: Trial, each: Each) -> Fit | None:
     """Return the best fit of an effect with many local minima, as of what makes and breaks contact: from the best of
     many positive starts, and of what they breed [Rubinstein and Kroese, The Cross-Entropy Method, 2004, ch. 2].
     """
-    parts, middle = Parts.of(before), problem.levels[1]
+    parts, middle = CandidateParts.of(before), problem.levels[1]
     c = parts.extended(trial.name, trial.starts[0]).candidate(problem)
     own = {k.name: i for i, k in enumerate(c.coordinates) if k.name.partition(".")[0] == c.label[-1]}
     free = {n: own[f"{c.label[-1]}.{n}"] for n in trial.starts[0] if f"{c.label[-1]}.{n}" in own}
@@ -186,10 +188,10 @@ def bred(problem: Problem, before: Fit, trial: Trial, each: Each) -> Fit | None:
         f = evaluated(problem.short, c, np.clip(theta, *c.bounds), middle, False)
         return f.cost if f else np.inf
 
-    best = _bred(np.log([[one[n] for n in free] for one in trial.starts]), cost, each)[:BEST]
+    best = _bred(np.log([[one[n] for n in free] for one in trial.starts]), cost, each)[:BRED_KEPT]
     starts = [{**trial.starts[0], **dict(zip(free, np.exp(z).tolist(), strict=True))} for z in best]
     candidates = [parts.extended(trial.name, start).candidate(problem) for start in starts]
-    return cheapest(fit(problem, c, middle, None, LAST) for c in candidates)
+    return cheapest(fit(problem, c, middle, None, LAST_STEPS) for c in candidates)
 
 
 def _bred(points: Array, cost: Callable[[Array], float], each: Each) -> Array:
@@ -197,13 +199,24 @@ def _bred(points: Array, cost: Callable[[Array], float], each: Each) -> Array:
     costs = np.array(list(each(cost, list(points))))
     draw = np.random.default_rng(0).standard_normal
     low, high, size = points.min(axis=0) - 1.0, points.max(axis=0) + 1.0, points.shape[1]
-    for _ in range(ROUNDS):
+    for _ in range(BREEDING_ROUNDS):
         parents = points[np.argsort(costs)[:PARENTS]]
-        spread = np.linalg.cholesky(np.cov(parents.T).reshape(size, size) + LEAST**2 * np.eye(size))
+        spread = np.linalg.cholesky(np.cov(parents.T).reshape(size, size) + MIN_SPREAD**2 * np.eye(size))
         children = np.clip(parents.mean(axis=0) + draw((CHILDREN, size)) @ spread.T, low, high)
         points = np.concatenate([points, children])
         costs = np.concatenate([costs, list(each(cost, list(children)))])
     return np.asarray(points[np.argsort(costs)])
 
 
-__all__ = ["FEW", "NEXT", "ON", "Found", "bred", "cheapest", "climbed", "promising", "settled", "without"]
+__all__ = [
+    "MAX_STARTS",
+    "MIDDLE_STEPS",
+    "ON",
+    "Minimum",
+    "bred",
+    "cheapest",
+    "climbed",
+    "promising",
+    "settled",
+    "without",
+]

@@ -15,22 +15,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.comparison.equations import inertia
-from signlin_ros.comparison.piece import APART, LEAST_PART, Piece, asked_effort, missing_force
+from signlin_ros.comparison.force_segment import (
+    MAX_STAMP_DISTANCE,
+    MIN_DRIVING_PART,
+    ForceSegment,
+    asked_effort,
+    missing_force,
+)
 from signlin_ros.diagnosis.criteria import Criteria
-from signlin_ros.diagnosis.force.laws import Law, Shape
+from signlin_ros.diagnosis.equation_error.laws import LawRegressor, Shape
 from signlin_ros.fitting.candidate import KNOWN_EFFECT
 from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
 Member = tuple[str, Shape]
 
-STEP = 1e-4
+DERIVATIVE_STEP = 1e-4
 """Relative step of the derivative with respect to a parameter."""
-SWEEPS = 9
+MAX_BOUND_ROUNDS = 9
 """Most rounds in which coefficients beyond their bounds are held there."""
-TINY = 1e-300
+MIN_DIVISOR = 1e-300
 """What keeps a division from failing."""
-FEWEST = 3
+MIN_BLOCKS = 3
 """Blocks from which a standard error is told."""
 
 
@@ -55,13 +61,13 @@ def base_of(model: Model, current: bool) -> dict[str, float]:
 
 
 @dataclass(frozen=True)
-class Side:
+class RegressionData:
     """The records of one side, fitted or unseen, stacked: y (K,), base columns X (K, b), block of each sample (K,).
 
     ``effort``: RMS of what drives, that forces are compared with; of the inertial force where nothing does (``free``).
     """
 
-    pieces: tuple[Piece, ...]
+    pieces: tuple[ForceSegment, ...]
     y: Array
     X: Array
     blocks: NDArray[np.intp]
@@ -69,7 +75,7 @@ class Side:
     free: bool = False
 
     @classmethod
-    def of(cls, model: Model, pieces: Sequence[Piece], moved: Iterable[str]) -> Side:
+    def of(cls, model: Model, pieces: Sequence[ForceSegment], moved: Iterable[str]) -> RegressionData:
         """Return the regression of one side's records; ``moved``: parameters of the base columns, lateness beside."""
         y, X, effort = (np.concatenate(parts) for parts in zip(*(_rows(model, p, moved) for p in pieces), strict=True))
         before = np.cumsum([0, *(p.blocks.max() + 1 for p in pieces)])
@@ -79,7 +85,7 @@ class Side:
             effort = np.concatenate([p.seen(p.acceleration) for p in pieces]) * inertia(model)
         return cls(tuple(pieces), y, X, blocks, float(np.sqrt(np.mean(effort**2))), free)
 
-    def columns(self, law: Law, shape: Shape) -> Array:
+    def columns(self, law: LawRegressor, shape: Shape) -> Array:
         """Return the columns (K, c) of a law."""
         return np.vstack([law.columns(p, shape) for p in self.pieces])
 
@@ -106,19 +112,19 @@ class Side:
         return np.concatenate([asked_effort(model, p) for p in self.pieces])
 
 
-def _rows(model: Model, piece: Piece, moved: Iterable[str]) -> tuple[Array, Array, Array]:
+def _rows(model: Model, piece: ForceSegment, moved: Iterable[str]) -> tuple[Array, Array, Array]:
     """Return the missing force (K,), its change by each base parameter (K, b) and the effort (K,) of a piece."""
     y = missing_force(model, piece)
-    others = [model.with_parameters({name: model.value(name) * (1 + STEP)}) for name in moved]
-    columns = [(y - missing_force(other, piece)) / STEP for other in others]
+    others = [model.with_parameters({name: model.value(name) * (1 + DERIVATIVE_STEP)}) for name in moved]
+    columns = [(y - missing_force(other, piece)) / DERIVATIVE_STEP for other in others]
     seen = piece.seen(np.column_stack([y, *columns, piece.late, piece.effort]))
     return seen[:, 0], seen[:, 1:-1], seen[:, -1]
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class RegressionFit:
     """A set of laws fitted: coefficients (n,) of base (b of them) and laws, and what is left (K,) of the data that they
-    were fitted to; what that leaves of unseen data, and the covariance, are worked out when somebody asks.
+    were fitted to; what that leaves of validation data, and the covariance, are worked out when somebody asks.
     """
 
     members: tuple[Member, ...]
@@ -131,7 +137,7 @@ class Fit:
 
     @functools.cached_property
     def unseen(self) -> Array:
-        """What is left (K,) of unseen data."""
+        """What is left (K,) of validation data."""
         return self._unseen()
 
     @functools.cached_property
@@ -156,7 +162,7 @@ class Fit:
 
     @functools.cached_property
     def error(self) -> float:
-        """Mean square of what is left of unseen data."""
+        """Mean square of what is left of validation data."""
         return float(np.mean(self.unseen**2))
 
 
@@ -169,9 +175,9 @@ class Regression:
     """
 
     model: Model
-    laws: Mapping[str, Law]
-    known: Side
-    unseen: Side
+    laws: Mapping[str, LawRegressor]
+    known: RegressionData
+    unseen: RegressionData
     names: tuple[str, ...]
     spread: Array
     criteria: Criteria
@@ -182,13 +188,13 @@ class Regression:
         """Number of base columns."""
         return len(self.names)
 
-    def fitted(self, members: Sequence[Member]) -> Fit:
+    def fitted(self, members: Sequence[Member]) -> RegressionFit:
         """Return the least-squares fit of a set of laws on the known side, and what it leaves of both."""
         members = tuple(members)
         X = self._matrix(self.known, members)
         spread, floor, ceiling = (np.full(X.shape[1], value) for value in (np.inf, -np.inf, np.inf))
         spread[: self.b], floor[: self.b] = self.spread, np.expm1(-3 * np.minimum(self.spread, 50.0))
-        floor[self.b - 1], ceiling[self.b - 1] = -APART, APART
+        floor[self.b - 1], ceiling[self.b - 1] = -MAX_STAMP_DISTANCE, MAX_STAMP_DISTANCE
         spans, at = {}, self.b
         for n, shape in members:
             positive = self.laws[n].positive(shape)
@@ -197,12 +203,12 @@ class Regression:
             at += len(positive)
         theta, held, size, left = _bounded(self.known.y, X, spread, floor, ceiling)
 
-        def as_effort(side: Side, left: Array) -> Array:
+        def as_effort(side: RegressionData, left: Array) -> Array:
             part = np.ones_like(left)
             for n, shape in members:
                 if self.laws[n].follows_effort:
                     part += np.concatenate([self.laws[n].loads(p, shape) @ theta[spans[n]] for p in side.pieces])
-            return left / np.maximum(part, LEAST_PART)
+            return left / np.maximum(part, MIN_DRIVING_PART)
 
         def unseen() -> Array:
             return as_effort(self.unseen, self.unseen.y - self._matrix(self.unseen, members) @ theta)
@@ -211,35 +217,35 @@ class Regression:
             return _covariance(self.known, self._matrix(self.known, members), spread, held, size, left)
 
         cost = sum(self.laws[n].free(shape) for n, shape in members)
-        return Fit(members, theta, as_effort(self.known, left), unseen, covariance, spans, cost)
+        return RegressionFit(members, theta, as_effort(self.known, left), unseen, covariance, spans, cost)
 
-    def _matrix(self, side: Side, members: Sequence[Member]) -> Array:
+    def _matrix(self, side: RegressionData, members: Sequence[Member]) -> Array:
         """Return the base columns and those of laws, side by side (K, n)."""
         return np.hstack([side.X, *(side.columns(self.laws[n], z) for n, z in members)])
 
-    def surely(self, a: Fit, b: Fit) -> float:
-        """Return by how many standard errors a is better than b on unseen data, by blocks of time."""
+    def surely(self, a: RegressionFit, b: RegressionFit) -> float:
+        """Return by how many standard errors a is better than b on validation data, by blocks of time."""
         first, second = (np.bincount(self.unseen.blocks, f.unseen**2).astype(float) for f in (a, b))
         return mean_certainty(second, first)
 
-    def percent(self, fit: Fit) -> float:
-        """Return the force that is left of unseen data in per cent of the effort (RMS)."""
-        return 100.0 * float(np.sqrt(fit.error)) / max(self.unseen.effort, TINY)
+    def percent(self, fit: RegressionFit) -> float:
+        """Return the force that is left of validation data in per cent of the effort (RMS)."""
+        return 100.0 * float(np.sqrt(fit.error)) / max(self.unseen.effort, MIN_DIVISOR)
 
 
 def mean_certainty(before: Array, after: Array) -> float:
     """Return by how many standard errors squares (blocks,) fall, at most 60: their mean, or that of their logarithms,
     whichever is surer.
     """
-    floor = 0.1 * before.mean() + TINY
+    floor = 0.1 * before.mean() + MIN_DIVISOR
     plain, shares = _sure(before - after), _sure(np.log((before + floor) / (after + floor)))
     return min(max(plain, shares), 60.0) if plain > 0 else max(plain, -60.0)
 
 
 def _sure(values: Array) -> float:
-    if values.size < FEWEST:
+    if values.size < MIN_BLOCKS:
         return 0.0
-    return float(values.mean() / (values.std(ddof=1) / np.sqrt(values.size) + TINY))
+    return float(values.mean() / (values.std(ddof=1) / np.sqrt(values.size) + MIN_DIVISOR))
 
 
 def _bounded(
@@ -248,10 +254,10 @@ def _bounded(
     """Return coefficients (n,) between ``floor`` and ``ceiling``, which of them are held there, the size of what is
     left by which tolerances weighed in the last round, and what is left (K,).
     """
-    scale = np.sqrt(np.mean(X**2, axis=0)) + TINY
+    scale = np.sqrt(np.mean(X**2, axis=0)) + MIN_DIVISOR
     theta, held = np.zeros(X.shape[1]), np.zeros(X.shape[1], dtype=bool)
-    new, beyond = float(np.sqrt(np.mean(y**2))) + TINY, ~held
-    for sweep in range(SWEEPS):
+    new, beyond = float(np.sqrt(np.mean(y**2))) + MIN_DIVISOR, ~held
+    for sweep in range(MAX_BOUND_ROUNDS):
         if beyond.any():
             free = ~held
             Z = X[:, free] / scale[free]
@@ -259,9 +265,9 @@ def _bounded(
         size = new
         theta[free] = np.linalg.solve(gram + np.diag(precision(spread, scale, size, y.size)[free]), side) / scale[free]
         left = y - X @ theta
-        new = float(np.sqrt(np.mean(left**2))) + TINY
+        new = float(np.sqrt(np.mean(left**2))) + MIN_DIVISOR
         beyond = free & ((theta < floor) | (theta > ceiling))
-        if beyond.any() and sweep < SWEEPS - 1:
+        if beyond.any() and sweep < MAX_BOUND_ROUNDS - 1:
             theta, held = np.clip(theta, floor, ceiling), held | beyond
         elif sweep >= 2:
             break
@@ -270,14 +276,16 @@ def _bounded(
 
 def precision(spread: Array, scale: Array, size: float, n: int) -> Array:
     """Return what is known beforehand of coefficients (c,) of scaled columns, where n samples leave a ``size``."""
-    known = np.minimum(size / (spread * scale + TINY), 1e9)  # a column may be nothing but zeros
+    known = np.minimum(size / (spread * scale + MIN_DIVISOR), 1e9)  # a column may be nothing but zeros
     return np.where(np.isfinite(spread), np.minimum(known**2, 1e12 * n), 1e-9 * n)
 
 
-def _covariance(side: Side, X: Array, spread: Array, held: NDArray[np.bool_], size: float, left: Array) -> Array:
+def _covariance(
+    side: RegressionData, X: Array, spread: Array, held: NDArray[np.bool_], size: float, left: Array
+) -> Array:
     """Return the covariance (n, n) of what `_bounded` fitted; inf for what is held at a bound."""
     free, n = ~held, side.y.size
-    scale = np.sqrt(np.mean(X**2, axis=0)) + TINY
+    scale = np.sqrt(np.mean(X**2, axis=0)) + MIN_DIVISOR
     Z, known = X[:, free] / scale[free], precision(spread, scale, size, n)[free]
     scores = np.zeros((int(side.blocks.max()) + 1, int(free.sum())))
     np.add.at(scores, side.blocks, Z * left[:, None])
@@ -291,4 +299,14 @@ def _covariance(side: Side, X: Array, spread: Array, held: NDArray[np.bool_], si
     return every
 
 
-__all__ = ["TINY", "Fit", "Member", "Regression", "Side", "base_of", "mean_certainty", "precision", "scaling"]
+__all__ = [
+    "MIN_DIVISOR",
+    "Member",
+    "Regression",
+    "RegressionData",
+    "RegressionFit",
+    "base_of",
+    "mean_certainty",
+    "precision",
+    "scaling",
+]

@@ -19,28 +19,28 @@ from signlin_ros.comparison.residuals import colours
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.fitting.fit import Fit, fit
 from signlin_ros.fitting.following import follow_records
-from signlin_ros.fitting.gains import Gains
+from signlin_ros.fitting.gains import ObserverGains
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.fitting.scan import halfway, response
 from signlin_ros.follow.data import travelled
-from signlin_ros.follow.segments import Segment
+from signlin_ros.follow.segments import PreparedSegment
 
 Array = NDArray[np.float64]
 
-FOLDS, FEWEST, BLOCK, LEAST, LENGTHS = 8, 5, 0.25, 50, 2.0
+CROSS_VALIDATION_FOLDS, MIN_FOLDS, FOLD_BLOCK, MIN_FOLD_SAMPLES, LENGTHS = 8, 5, 0.25, 50, 2.0
 """Parts that are left out in turn, and at least so many, made of blocks of so many s, samples, and lengths of the
 observer's response, at least: else what a wandering state leaves would be predicted by what it left just before."""
-MOST, ENOUGH, RIDGE = 30_000, 10, 1e-5
+MAX_TESTED_SAMPLES, MIN_SAMPLES_PER_FUNCTION, TEST_RIDGE = 30_000, 10, 1e-5
 """Samples that are looked at; samples for each function, below which nothing is said; ridge of the regression."""
-SLOW = (0.1, 0.03)
+FADING_SPEEDS = (0.1, 0.03)
 """Velocities, as shares of the largest, within which friction may fade."""
-ABOUT, ALL = 0.9, 0.99
+ABOUT, NEAR_ALL = 0.9, 0.99
 """Part of the sensor's variance from which on a residual is about as large: far less, and that noise is overrated; part
 of a response that counts as nearly all of it."""
 
 
 @dataclass(frozen=True)
-class Left:
+class ResidualStructure:
     """The residual of a channel: RMS in multiples of the sensor's noise, the share of its square that follows from the
     model's motion (NaN: too few samples to tell), whether it is more than noise, and how many samples go together.
     """
@@ -52,7 +52,7 @@ class Left:
     together: float
 
 
-def left(problem: Problem, f: Fit, criteria: Criteria) -> tuple[Left, ...]:
+def left(problem: Problem, f: Fit, criteria: Criteria) -> tuple[ResidualStructure, ...]:
     """Return what a fit leaves in every channel, seen with the slowest observer: others keep on its track."""
     lowest = problem.levels[-1]
     slow = f if f.gains is lowest else fit(problem, f.candidate, lowest, f.theta, 0)
@@ -62,7 +62,7 @@ def left(problem: Problem, f: Fit, criteria: Criteria) -> tuple[Left, ...]:
         over = float(np.sqrt(one.variance) / noise)
         noisy = ABOUT < over**2 < 1.0 + criteria.dependent
         structured = lost or (not noisy and (one.structured or share > criteria.dependent))
-        result.append(Left(channel, over, share, bool(structured), one.together))
+        result.append(ResidualStructure(channel, over, share, bool(structured), one.together))
     return tuple(result)
 
 
@@ -74,22 +74,22 @@ def dependence(problem: Problem, f: Fit) -> Array:
     none, samples, c = np.zeros(len(problem.channels)), problem.samples, f.candidate
     if c.filtered:
         return none
-    least = max(int(BLOCK / problem.scale.step), LEAST)
-    looks: list[tuple[int, Array | None, Gains]] = [(least, None, f.gains)]
+    least = max(int(FOLD_BLOCK / problem.scale.step), MIN_FOLD_SAMPLES)
+    looks: list[tuple[int, Array | None, ObserverGains]] = [(least, None, f.gains)]
     if problem.base.plant.velocity in c.model.states:
         model = f.fitted()
         seen = ((response(problem, model, gains), gains) for gains in problem.levels[::-1])
         sizes = [(max(least, ceil(LENGTHS * _length(r))), r, gains) for r, gains in seen]
-        looks = [one for one in sizes if 2 * FOLDS * one[0] <= samples]
-        looks += [one for one in sizes[-1:] if FEWEST * one[0] <= samples]
+        looks = [one for one in sizes if 2 * CROSS_VALIDATION_FOLDS * one[0] <= samples]
+        looks += [one for one in sizes[-1:] if MIN_FOLDS * one[0] <= samples]
     found = _regressors(problem, f, *looks[0]) if looks else None
-    if found is None or found[1].size < ENOUGH * found[0].shape[2]:
+    if found is None or found[1].size < MIN_SAMPLES_PER_FUNCTION * found[0].shape[2]:
         return none + np.nan
-    return _predicted(found[0], found[1], found[2] % min(FOLDS, int(found[2].max()) + 1))
+    return _predicted(found[0], found[1], found[2] % min(CROSS_VALIDATION_FOLDS, int(found[2].max()) + 1))
 
 
 def _regressors(
-    problem: Problem, f: Fit, block: int, seen: Array | None, gains: Gains
+    problem: Problem, f: Fit, block: int, seen: Array | None, gains: ObserverGains
 ) -> tuple[Array, Array, NDArray[np.int_]] | None:
     """Return functions (T, ny, k) of a fit's motion as an observer leaves them, its residual (T, ny) in units of the
     noise, and the number (T,) of the block that a sample is in; None where the motion is lost.
@@ -97,7 +97,7 @@ def _regressors(
     run = follow_records(problem, f.candidate, f.theta, gains, False)
     if run is None:
         return None
-    used = min(1.0, MOST / max(problem.samples, 1))
+    used = min(1.0, MAX_TESTED_SAMPLES / max(problem.samples, 1))
     motions = [_motion(problem, f, s, X) for s, X in zip(problem.segments, run[2], strict=True)]
     largest = np.maximum([np.max([np.abs(m[i]).max() for m in motions]) for i in range(3)], 1e-300)
     features, residuals, blocks, done = [], [], [], 0
@@ -115,10 +115,10 @@ def _regressors(
 def _length(response: Array) -> int:
     """Return in how many samples (of M, ny) nearly all of a response happens, in the slowest channel."""
     share = np.cumsum(response**2, axis=0) / np.maximum(np.sum(response**2, axis=0), 1e-300)
-    return int(np.max(np.sum(share < ALL, axis=0))) + 1
+    return int(np.max(np.sum(share < NEAR_ALL, axis=0))) + 1
 
 
-def _motion(problem: Problem, f: Fit, s: Segment, X: Array) -> tuple[Array, Array, Array]:
+def _motion(problem: Problem, f: Fit, s: PreparedSegment, X: Array) -> tuple[Array, Array, Array]:
     """Return position, velocity and input (T,), between two samples where an inertia is moved."""
     names, plant, inputs = f.candidate.model.states, problem.base.plant, f.candidate.model.inputs
     if plant.velocity not in names:
@@ -132,7 +132,7 @@ def _motion(problem: Problem, f: Fit, s: Segment, X: Array) -> tuple[Array, Arra
 def _functions(q: Array, v: Array, u: Array) -> Array:
     """Return functions (T, k) of position, velocity, input and time, none larger than 2."""
     s, a, t = np.sign(v), np.abs(v), np.linspace(-1.0, 1.0, v.size)
-    of_velocity = [s, s * np.sqrt(a), a, v * a, v**2, v**3, *(s * np.exp(-a / slow) for slow in SLOW)]
+    of_velocity = [s, s * np.sqrt(a), a, v * a, v**2, v**3, *(s * np.exp(-a / slow) for slow in FADING_SPEEDS)]
     of_position = [q**2, np.abs(q), q * np.abs(q), q**3, np.sin(3 * q), np.cos(3 * q)]
     of_both = [q * v, np.abs(q) * v, q**2 * v, q * a, s * q, s * np.abs(q), s * q**2]
     driven = [u, s * np.abs(u), u**2, np.abs(u), u * np.abs(u), u * v, u * q, np.abs(u - np.median(u))]
@@ -161,10 +161,10 @@ def _predicted(Z: Array, y: Array, fold: NDArray[np.int_]) -> Array:
     gram, side, left = grams.sum(axis=0), sides.sum(axis=0), np.zeros(y.shape[1])
     scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
     for i in range(folds):
-        rest = (gram - grams[i]) / np.outer(scale, scale) + RIDGE * np.eye(scale.size)
+        rest = (gram - grams[i]) / np.outer(scale, scale) + TEST_RIDGE * np.eye(scale.size)
         beta = np.linalg.solve(rest, (side - sides[i]) / scale) / scale
         left += np.sum((y[fold == i] - Z[fold == i] @ beta) ** 2, axis=0)
     return np.asarray(1.0 - left / np.maximum(np.sum(y**2, axis=0), 1e-300))
 
 
-__all__ = ["Left", "dependence", "left"]
+__all__ = ["ResidualStructure", "dependence", "left"]

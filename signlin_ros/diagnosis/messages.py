@@ -7,13 +7,13 @@ from __future__ import annotations
 import numpy as np
 
 from signlin_ros.comparison.scores import follows_nothing
-from signlin_ros.diagnosis.case import Case
-from signlin_ros.diagnosis.judgement import REASONS, Judgement, freed
+from signlin_ros.diagnosis.dataset import Dataset
+from signlin_ros.diagnosis.evidence import HALF
 from signlin_ros.diagnosis.loops import family_of
-from signlin_ros.diagnosis.motion import Fitted
-from signlin_ros.diagnosis.motion.score import told_change
-from signlin_ros.diagnosis.results import Estimate, listed
-from signlin_ros.diagnosis.witnesses import HALF
+from signlin_ros.diagnosis.output_error import FittedModel
+from signlin_ros.diagnosis.output_error.score import told_change
+from signlin_ros.diagnosis.results import ParameterEstimate, listed
+from signlin_ros.diagnosis.verdict import REASONS, Verdict, freed
 from signlin_ros.effects import find_effect
 from signlin_ros.effects.base import SensorEffect, Shown
 from signlin_ros.errors import joined
@@ -21,23 +21,23 @@ from signlin_ros.fitting.problem import Problem
 from signlin_ros.model.numbers import declared
 from signlin_ros.par import gathered
 
-NOTHING = "Nothing is missing that this record could show"
-MANY = 100
+NOTHING_MISSING = "Nothing is missing that this record could show"
+MAX_TIMES_NOISE = 100
 """Times the sensors' noise above which the number tells no more."""
-FEW = 3
+MAX_UNSURE_EFFECTS = 3
 """Most effects that are told where none is sure, the simplest."""
 ONE_CYCLE = (
     "every swing of these records has the same stroke and pace: a force that goes with the speed and one that "
     "remembers the way look alike here; a record of another amplitude or frequency would tell them apart"
 )
-HELD = (
+HELD_INPUTS = (
     "inputs are taken as held from their samples on; if these were measured, write `input_hold: centred` into the "
     "model file: then"
 )
-LEARN = "`signlin add learned_force` learns it as a curve"
+LEARN_HINT = "`signlin add learned_force` learns it as a curve"
 
 
-def sentence(j: Judgement) -> str:
+def sentence(j: Verdict) -> str:
     """Return the verdict in a few sentences, or what adding the effect that was asked for is worth."""
     if j.refused:
         return f"The record does not ask for {listed([j.asked])}: {j.refused}."
@@ -50,13 +50,13 @@ def sentence(j: Judgement) -> str:
         )
     first = _first(j)
     if j.verdict == "adequate":
-        return f"{first}{NOTHING}{_left_over(j)}.{_motion_left(j)}"
+        return f"{first}{NOTHING_MISSING}{_left_over(j)}.{_motion_left(j)}"
     if j.verdict == "missing":
         return f"{first}The model lacks {listed(j.names)}: {falls(j, j.base, j.final)}.{remainder(j)}"
     return f"{first}{_unexplained(j)}"
 
 
-def _first(j: Judgement) -> str:
+def _first(j: Verdict) -> str:
     """Return what is told before anything else: base parameters far from what was said of them."""
     if not j.far:
         return ""
@@ -65,10 +65,10 @@ def _first(j: Judgement) -> str:
     return f"Check this first: {joined(parts)}{same}. "
 
 
-def _unexplained(j: Judgement) -> str:
+def _unexplained(j: Verdict) -> str:
     why, said = j.unexplained, REASONS[j.unexplained].said
     if why == "conflict":
-        return f"The two witnesses differ: {j.conflict}. Nothing is confirmed.{remainder(j)}"
+        return f"The two estimates differ: {j.conflict}. Nothing is confirmed.{remainder(j)}"
     if why == "lost":
         return follows_nothing(j.lost)
     there = further(j.case) if why == "elsewhere" else ""
@@ -89,8 +89,10 @@ def _unexplained(j: Judgement) -> str:
     return f"{_unsure(j) or none}.{rest}"
 
 
-def further(c: Case) -> str:
-    """Return which signal of unseen data goes furthest beyond known ones, by half their amplitude or more, if any."""
+def further(c: Dataset) -> str:
+    """Return which signal of validation data goes furthest beyond known ones, by half their amplitude or more, if
+    any.
+    """
     known, unseen = (_reaches(problem) for problem in (c.problem, c.unseen))
     found = {}
     for name in known.keys() & unseen.keys():
@@ -112,9 +114,9 @@ def _reaches(problem: Problem) -> dict[str, tuple[float, float]]:
     return {n: (float(np.nanmin(x)), float(np.nanmax(x))) for n, x in columns.items()}
 
 
-def _unsure(j: Judgement) -> str:
+def _unsure(j: Verdict) -> str:
     """Return which effects alone take most of what is missing away, of a force that is seen too, but not surely."""
-    motion, w, c, found = j.motion, j.witnesses, j.criteria, dict[str, float]()
+    motion, w, c, found = j.motion, j.evidence, j.criteria, dict[str, float]()
     for f in sorted(w.single, key=lambda f: f.size):
         g, certainty, part = motion.gain(j.base, f), motion.certainty(j.base, f), w.remaining(w.left(f))
         if w.sees(j.base) and (part is None or part > HALF):
@@ -123,23 +125,23 @@ def _unsure(j: Judgement) -> str:
             found[f.effects[0]] = certainty
     if not found:
         return ""
-    names = list(found)[:FEW]
+    names = list(found)[:MAX_UNSURE_EFFECTS]
     surely = told_change(max(found[n] for n in names), c.certainty, "at most " if len(names) > 1 else "")
     told = " or ".join(listed([n]) for n in names)
     return f"Too little was recorded to tell what is missing: {told} would take most of it away, but {surely}"
 
 
-def falls(j: Judgement, before: Fitted, after: Fitted) -> str:
-    """Return by how much the errors on unseen data fall from one model to another: the force, and the motion."""
+def falls(j: Verdict, before: FittedModel, after: FittedModel) -> str:
+    """Return by how much the errors on validation data fall from one model to another: the force, and the motion."""
     parts = []
-    a, b = (j.witnesses.told_percent(f, j.left(f)) for f in (before, after))  # what no row shows is not told
+    a, b = (j.evidence.told_percent(f, j.left(f)) for f in (before, after))  # what no row shows is not told
     if a is not None and b is not None and b < (1 - j.criteria.alike) * a:
-        parts.append(f"the missing force falls from {a:.3g} % to {b:.3g} % {j.witnesses.of_effort}")
+        parts.append(f"the missing force falls from {a:.3g} % to {b:.3g} % {j.evidence.of_effort}")
     parts = _errors_fall(j, before, after, parts)
-    return f"on unseen data {joined(parts)}" if parts else f"unseen data hardly show it{freed(before, after)}"
+    return f"on validation data {joined(parts)}" if parts else f"validation data hardly show it{freed(before, after)}"
 
 
-def _errors_fall(j: Judgement, before: Fitted, after: Fitted, parts: list[str]) -> list[str]:
+def _errors_fall(j: Verdict, before: FittedModel, after: FittedModel, parts: list[str]) -> list[str]:
     problem = j.case.problem
     for name, first, last in zip(problem.channels, before.errors, after.errors, strict=True):
         if last < (1 - j.criteria.alike) * first:
@@ -149,42 +151,42 @@ def _errors_fall(j: Judgement, before: Fitted, after: Fitted, parts: list[str]) 
     return parts
 
 
-def remainder(j: Judgement) -> str:
+def remainder(j: Verdict) -> str:
     """Return what is left, and what would take it away."""
-    noise = j.witnesses.noise_percent
+    noise = j.evidence.noise_percent
     if j.names and j.imposed is not None:
         return f" Over {j.case.horizon:.3g} s, {j.imposed:.3g} % of the spread of the force is left."
     if j.names and j.percent is None:
         return _motion_left(j)
     if j.percent is None or j.percent <= j.criteria.sees * noise:
         return ""
-    left, curve = f" What is left is {j.percent:.3g} % {j.witnesses.of_effort}", j.flexible
+    left, curve = f" What is left is {j.percent:.3g} % {j.evidence.of_effort}", j.flexible
     if curve.visible and curve.percent < (1 - j.criteria.alike) * j.percent:
         if curve.along:
             waves = f"forces that repeat along the way, first of all {curve.along}"
             return f"{left}; with {waves}, {curve.percent:.3g} % would be left."
-        return f"{left}; a flexible curve would leave {curve.percent:.3g} %: {LEARN}."
+        return f"{left}; a flexible curve would leave {curve.percent:.3g} %: {LEARN_HINT}."
     if j.changing:
         return f"{left}; most of it goes with a {j.changing} that changes slowly along the record."
     if noise == 0.0:
         return f"{left}."
-    times = f"over {MANY}" if j.percent > MANY * noise else f"{j.percent / noise:.3g}"
+    times = f"over {MAX_TIMES_NOISE}" if j.percent > MAX_TIMES_NOISE * noise else f"{j.percent / noise:.3g}"
     return f"{left}, {times} times what the sensors' noise makes of it."
 
 
-def _motion_left(j: Judgement) -> str:
+def _motion_left(j: Verdict) -> str:
     """Return by how many times its sensor's noise the worst channel errs, where one is not near that noise."""
-    if j.witnesses.near_noise(j.final):
+    if j.evidence.near_noise(j.final):
         return ""
     times = (j.final.errors / np.maximum(list(j.case.noise.values()), 1e-300)).tolist()  # as the rows have it
     most, name = max(zip(times, j.case.problem.channels, strict=True))
     return f" Over {j.case.horizon:.3g} s, {name} errs by {most:.3g} times its sensor's noise."
 
 
-def _left_over(j: Judgement) -> str:
+def _left_over(j: Verdict) -> str:
     if j.percent is None:
         return ": the residual is noise" if j.final.white else ""
-    w = j.witnesses
+    w = j.evidence
     left = f"the force that is left is {j.percent:.3g} % {w.of_effort}, the sensors' noise {w.noise_percent:.3g} %"
     if j.verdict != "adequate" or j.percent <= w.noise_percent:
         return f": {left}"
@@ -193,7 +195,7 @@ def _left_over(j: Judgement) -> str:
     return f": {left}{_unpredictable(j, j.percent)}"
 
 
-def _unpredictable(j: Judgement, percent: float) -> str:
+def _unpredictable(j: Verdict, percent: float) -> str:
     """Return why more than the sensors' noise counts as noise: nothing that is known predicts it."""
     if j.final.clean:
         share = max(0.0, *(one.dependent for one in j.final.left))
@@ -205,9 +207,9 @@ def _unpredictable(j: Judgement, percent: float) -> str:
 # -------------------------------------------------------------------- of one effect
 
 
-def remarks(j: Judgement) -> list[str]:
+def remarks(j: Verdict) -> list[str]:
     """Return what the records cannot tell of the effects that are named."""
-    found, w = [ONE_CYCLE] if j.names and j.case.one_cycle else [], j.witnesses
+    found, w = [ONE_CYCLE] if j.names and j.case.one_cycle else [], j.evidence
     if w.contradicted:
         own = ", ".join(f"{n} {p.value:.3g} {p.unit}" for n, p in w.contradicted.parameters.items() if p.note != "held")
         left = w.percent(w.as_written(w.contradicted)) or 0.0
@@ -216,7 +218,7 @@ def remarks(j: Judgement) -> list[str]:
             "effort is left); they are held at what the force tells of them"
         )
     if j.sampled:
-        found.append(f"{HELD} {joined(_errors_fall(j, j.final, j.sampled, []))} on unseen data")
+        found.append(f"{HELD_INPUTS} {joined(_errors_fall(j, j.final, j.sampled, []))} on validation data")
     for key, waves in j.motion.few_waves(j.final).items():
         found.append(
             f"the records hold {waves:.1f} periods of {key}: that it goes on to repeat beyond where they have been is "
@@ -225,7 +227,7 @@ def remarks(j: Judgement) -> list[str]:
     return found
 
 
-def shown(j: Judgement, f: Fitted, effect: str) -> str:
+def shown(j: Verdict, f: FittedModel, effect: str) -> str:
     """Return what a record shows of an effect, as a sentence with the values of its fit."""
     cls, plant = find_effect(effect, "effects"), f.model.plant
     if issubclass(cls, SensorEffect):
@@ -234,34 +236,34 @@ def shown(j: Judgement, f: Fitted, effect: str) -> str:
     key = [k for k, use in f.model.effects.items() if use.type == effect][-1]
     units, values = {n: p.unit for n, p in declared(f.model).items()}, dict[str, Shown]()
     for n, value in f.model.effects[key].parameters.items():
-        known = f.parameters.get(f"{key}.{n}") or Estimate(value, None, units.get(f"{key}.{n}", ""))
+        known = f.parameters.get(f"{key}.{n}") or ParameterEstimate(value, None, units.get(f"{key}.{n}", ""))
         values[n] = Shown(value, known.unit, known.std)
     force = "force" if plant.force_unit == "N" and not j.case.problem.turns else "torque"
     return cls.shown(gathered(values), force, plant.position, plant.velocity)
 
 
-def own_parameters(f: Fitted, effect: str) -> dict[str, Estimate]:
+def own_parameters(f: FittedModel, effect: str) -> dict[str, ParameterEstimate]:
     """Return the parameters of a fit that are an effect's, by their names in it (a sensor's by its channel)."""
     keys = {effect, *(key for key, use in f.model.effects.items() if use.type == effect)}
     return {n.partition(".")[2]: p for n, p in f.parameters.items() if n.partition(".")[0] in keys}
 
 
-def why_named(j: Judgement, effect: str) -> str:
+def why_named(j: Verdict, effect: str) -> str:
     """Return why an effect of the proposal is named: what it does, and what is lost without it."""
     hurt = falls(j, j.without(effect), j.final)
     return f"{shown(j, j.final, effect)}; {hurt}{', with it' if len(j.names) > 1 else ''}"
 
 
-def why_not(j: Judgement, f: Fitted) -> str:
+def why_not(j: Verdict, f: FittedModel) -> str:
     """Return why an effect that was tried alone is not named."""
     if why := j.motion.refused(j.base, f):
-        return f"on unseen data {why}" if why.startswith("the error of") else why
+        return f"on validation data {why}" if why.startswith("the error of") else why
     a, b = j.percent_of(j.base), j.percent_of(f)
     if a is not None and b is not None and b > a:
-        return f"it leaves {b:.3g} % {j.witnesses.of_effort}, the model as it is {a:.3g} %"
+        return f"it leaves {b:.3g} % {j.evidence.of_effort}, the model as it is {a:.3g} %"
     if j.names:
         return f"{listed(j.names)} {'leaves' if len(j.names) == 1 else 'leave'} less"
-    return REASONS[j.untold].untold if j.untold else "the witnesses differ on it"
+    return REASONS[j.untold].untold if j.untold else "the estimates differ on it"
 
 
 __all__ = ["falls", "own_parameters", "remainder", "remarks", "sentence", "shown", "why_named", "why_not"]

@@ -9,13 +9,13 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.force.laws import Shape
-from signlin_ros.diagnosis.force.regression import TINY, Member, Regression, precision
+from signlin_ros.diagnosis.equation_error.laws import Shape
+from signlin_ros.diagnosis.equation_error.regression import MIN_DIVISOR, Member, Regression, precision
 
 Array = NDArray[np.float64]
 Sets = NDArray[np.intp]
 
-FOLLOWED, BATCH = 150, 4096
+MAX_SUBSETS, BATCH = 150, 4096
 """Sets of two and more laws that are tried with every other member beside; sets that are solved together."""
 
 
@@ -39,7 +39,7 @@ class Subsets:
                 parts.append(part)
                 kinds.append((names.index(name), families.index(law.family)))
         A = np.hstack(columns)
-        self._scale = np.sqrt(np.mean(A**2, axis=0)) + TINY
+        self._scale = np.sqrt(np.mean(A**2, axis=0)) + MIN_DIVISOR
         A = A / self._scale
         n = A.shape[1]
         self._gram, self._moments = np.zeros((n + 1, n + 1)), np.zeros(n + 1)  # the last one is no column at all
@@ -88,7 +88,7 @@ class Subsets:
         every = np.arange(len(self.members), dtype=np.intp)[:, None]
         if count == 1:
             return every
-        smaller = every if count == 2 else self._best(count - 1, size)[:FOLLOWED]
+        smaller = every if count == 2 else self._best(count - 1, size)[:MAX_SUBSETS]
         sets = np.hstack([np.repeat(smaller, len(every), axis=0), np.tile(every, (len(smaller), 1))])
         kinds = self._kind[sets]
         return np.asarray(sets[np.all(kinds[:, :-1] != kinds[:, -1:], axis=1)])

@@ -1,6 +1,6 @@
-"""Two witnesses, one rule of agreement: which effects both of them can stand for.
+"""Two estimates, one rule of agreement: which effects both of them can stand for.
 
-The force witness goes first; the motion witness confirms by simulation, and adds what no force shows.
+The equation-error estimate goes first; the output-error estimate confirms by simulation, and adds what no force shows.
 """
 
 from __future__ import annotations
@@ -12,24 +12,26 @@ from itertools import combinations, product
 
 import numpy as np
 
-from signlin_ros.diagnosis.every import complete, fit_every_law, fit_families, settled
-from signlin_ros.diagnosis.family import Choice
-from signlin_ros.diagnosis.force.witness import Testimony
-from signlin_ros.diagnosis.motion import Fitted, Motion
-from signlin_ros.diagnosis.motion.trials import completed, free_key, tryable
+from signlin_ros.diagnosis.equation_error.estimate import EquationErrorResult
+from signlin_ros.diagnosis.evidence import HALF, Evidence
+from signlin_ros.diagnosis.family import FamilyChoice
+from signlin_ros.diagnosis.output_error import FittedModel, OutputErrorEstimator
+from signlin_ros.diagnosis.output_error.trials import completed, free_key, tryable
 from signlin_ros.diagnosis.results import listed
-from signlin_ros.diagnosis.witnesses import HALF, Witnesses
+from signlin_ros.diagnosis.single_laws import complete, fit_every_law, fit_families, settled
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import SignlinError
 
 
-def agree(w: Witnesses) -> tuple[Fitted, str]:
-    """Return the model that both witnesses can stand for, and in words why they differ, empty where they agree.
+def select_model(w: Evidence) -> tuple[FittedModel, str]:
+    """Return the model that both estimates can stand for, and in words why they differ, empty where they agree.
 
     Of what is as good, the fewest effects are stood for; before more than noise is left, what leaves it by itself.
     """
     if w.force:
-        w.motion.heard = {n: w.force.values(f, n) for n, f in w.laws.items() if np.any(f.theta[f.spans[n]])}
+        w.motion.from_equation_error = {
+            n: w.force.values(f, n) for n, f in w.laws.items() if np.any(f.theta[f.spans[n]])
+        }
     final, conflict = _stood_for(w)
     final = fewest(w, final)
     conflict = conflict.format(listed(final.effects))
@@ -38,11 +40,11 @@ def agree(w: Witnesses) -> tuple[Fitted, str]:
     final = fewest(w, final) if options else final
     other = alone(w, final) or better(w, final, options)
     final = w.valued(fewest(w, other) if other else final)
-    return w.base if final.unreal else final, "" if other else conflict
+    return w.base if final.implausible else final, "" if other else conflict
 
 
-def _stood_for(w: Witnesses) -> tuple[Fitted, str]:
-    """Return the model to stand for, and why the witnesses differ."""
+def _stood_for(w: Evidence) -> tuple[FittedModel, str]:
+    """Return the model to stand for, and why the estimates differ."""
     base, force = w.base, w.force
     first = _confirmed(w, force) if force and force.effects else None
     if first is not None and first.white:
@@ -62,13 +64,13 @@ def _stood_for(w: Witnesses) -> tuple[Fitted, str]:
     return _chosen(w, [f for f in (first, beside) if f], found)
 
 
-def _by_itself(w: Witnesses, now: Fitted) -> Fitted | None:
+def _by_itself(w: Evidence, now: FittedModel) -> FittedModel | None:
     """Return the law that leaves noise by itself, of all that there are, before another one is sought beside one."""
     fit_every_law(w, now)
     return alone(w, now)
 
 
-def _unless_turning(w: Witnesses, first: Fitted) -> Fitted:
+def _unless_turning(w: Evidence, first: FittedModel) -> FittedModel:
     """Return what explains force and motion, or what goes with an angle that nobody said is one, where that leaves
     noise, and surely less: for what the band leaves of it, a weight is a cubic spring.
     """
@@ -78,9 +80,9 @@ def _unless_turning(w: Witnesses, first: Fitted) -> Fitted:
     return other if other and better else first
 
 
-def _searched(w: Witnesses) -> list[str] | None:
-    """Return the effects among which the motion witness searches, None for all: what no force shows, waves, and laws
-    that take away a visible part of a force that is seen; of a little one without a law, the first two.
+def _searched(w: Evidence) -> list[str] | None:
+    """Return the effects among which the output-error estimate searches, None for all: what no force shows, waves, and
+    laws that take away a visible part of a force that is seen; of a little one without a law, the first two.
     """
     force, share = w.force, w.percent(w.left(w.base))
     if force is None or not w.sees(w.base):
@@ -91,7 +93,7 @@ def _searched(w: Witnesses) -> list[str] | None:
     return [n for n in sorted(names) if tryable(w.motion.problem, n)]
 
 
-def _together(w: Witnesses, refused: Fitted) -> Fitted | None:
+def _together(w: Evidence, refused: FittedModel) -> FittedModel | None:
     """Return what the motion refuses by itself with an effect that no force shows beside it, if both are needed."""
     motion, both = w.motion, _best_of(w, refused, w.hidden)
     if both is None or motion.refused(w.base, both):
@@ -101,7 +103,9 @@ def _together(w: Witnesses, refused: Fitted) -> Fitted | None:
     return None if motion.refused(other, both) else both
 
 
-def _best_of(w: Witnesses, of: Fitted, names: Iterable[str], rival: Fitted | None = None) -> Fitted | None:
+def _best_of(
+    w: Evidence, of: FittedModel, names: Iterable[str], rival: FittedModel | None = None
+) -> FittedModel | None:
     """Return the simplest of the best steps beyond a model, beside a ``rival`` if there is one; None where none is."""
     if len(of.effects) >= w.criteria.most:
         return None
@@ -110,7 +114,7 @@ def _best_of(w: Witnesses, of: Fitted, names: Iterable[str], rival: Fitted | Non
     return next(iter(w.motion.alike(of, options)), None)
 
 
-def _chosen(w: Witnesses, first: Sequence[Fitted], second: Fitted) -> tuple[Fitted, str]:
+def _chosen(w: Evidence, first: Sequence[FittedModel], second: FittedModel) -> tuple[FittedModel, str]:
     """Return the model to stand for, of what force (``first``) and motion (``second``) arrived at, and why not both."""
     base, force = w.base, w.force
     if not first:
@@ -131,19 +135,19 @@ def _chosen(w: Witnesses, first: Sequence[Fitted], second: Fitted) -> tuple[Fitt
     return now, ""
 
 
-def _leaves(f: Fitted) -> str:
+def _leaves(f: FittedModel) -> str:
     return "leaves" if len(f.effects) == 1 else "leave"
 
 
-def _overruled(w: Witnesses, force: Testimony, second: Fitted) -> bool:
+def _overruled(w: Evidence, force: EquationErrorResult, second: FittedModel) -> bool:
     """Tell whether laws that explain most of the force would give way to what explains neither it nor the motion."""
     before, own = force.search.base.error, w.left(second)
     explains = own is not None and float(np.mean(own)) < HALF * before
     return w.sees(w.base) and not second.white and force.fit.error < HALF * before and not explains
 
 
-def _both(w: Witnesses, force: Testimony, second: Fitted) -> str:
-    """Return what both witnesses say where the motion refuses what the force shows, beside the row of the base."""
+def _both(w: Evidence, force: EquationErrorResult, second: FittedModel) -> str:
+    """Return what both estimates say where the motion refuses what the force shows, beside the row of the base."""
     after, shown = w.percent(force.fit.error), w.percent(w.left(w.base))
     before = "" if shown is None else f" in place of {shown:.3g} %"
     told = f"by the force {listed(force.effects)} would leave {after:.3g} % {w.of_effort}{before}, but the motion"
@@ -151,7 +155,7 @@ def _both(w: Witnesses, force: Testimony, second: Fitted) -> str:
     return f"{told} that they make is not the one that was measured{other}"
 
 
-def _beyond(w: Witnesses, now: Fitted, other: Fitted) -> bool:
+def _beyond(w: Evidence, now: FittedModel, other: FittedModel) -> bool:
     """Tell whether another model is to be stood for: nothing is worse for it, and it leaves noise, or surely less."""
     c, g = w.criteria, w.motion.gain(now, other)
     if other.level > now.level or g.worsens(c.worse, c.alike) or w.rising(now, other, c.tie) or w.raises(now, other):
@@ -163,19 +167,21 @@ def _beyond(w: Witnesses, now: Fitted, other: Fitted) -> bool:
     return set(other.effects) - set(now.effects) <= w.hidden or w.falls(now, other)
 
 
-def _confirmed(w: Witnesses, force: Testimony) -> Fitted | None:
-    """Return what the force witness proposes, with the values of the motion or the force; None where it is refused."""
-    c, motion, choice = w.criteria, w.motion, Choice(w, force)
+def _confirmed(w: Evidence, force: EquationErrorResult) -> FittedModel | None:
+    """Return what the equation-error estimate proposes, with the values of the motion or the force; None where it is
+    refused.
+    """
+    c, motion, choice = w.criteria, w.motion, FamilyChoice(w, force)
     found = choice.simulated(force.fit)
     if found is None:
         return None
-    stated = w.valued(found) if found.vague(c) else found
+    stated = w.valued(found) if found.insignificant(c) else found
     known = stated is not found and motion.gain(w.base, stated).certainty >= c.certainty
     found = stated if known else found
     g = motion.gain(w.base, found)
     if g.certainty < (0.0 if w.explains(found) else c.least) or g.worsens(c.worse, c.alike):
         return None
-    if not known and found.vague(c):
+    if not known and found.insignificant(c):
         plain = motion.plainer(found)
         w.keep(*plain)
         sound = motion.alike(w.base, plain)
@@ -188,7 +194,7 @@ def _confirmed(w: Witnesses, force: Testimony) -> Fitted | None:
 # -------------------------------------------------------------------- how many effects
 
 
-def fewest(w: Witnesses, final: Fitted) -> Fitted:
+def fewest(w: Evidence, final: FittedModel) -> FittedModel:
     """Return the model with the fewest effects, and of these the fewest parameters, that is as good; what no force
     shows displaces nothing that one does, unless it leaves nothing but tested noise.
     """
@@ -207,8 +213,8 @@ def fewest(w: Witnesses, final: Fitted) -> Fitted:
     return min(good, key=lambda f: (len(f.effects), f.size, f.level), default=final)
 
 
-def alone(w: Witnesses, final: Fitted) -> Fitted | None:
-    """Return the effect that by itself leaves nothing but noise, where what both witnesses arrived at leaves more."""
+def alone(w: Evidence, final: FittedModel) -> FittedModel | None:
+    """Return the effect that by itself leaves nothing but noise, where what both estimates arrived at leaves more."""
     if complete(w, final):
         return None
     motion, base = w.motion, w.base
@@ -217,7 +223,7 @@ def alone(w: Witnesses, final: Fitted) -> Fitted | None:
     return _simplest(w, whole)
 
 
-def better(w: Witnesses, final: Fitted, options: Sequence[Fitted]) -> Fitted | None:
+def better(w: Evidence, final: FittedModel, options: Sequence[FittedModel]) -> FittedModel | None:
     """Return the simplest of the best options of no more effects that leave surely less than a model."""
     motion, base, force = w.motion, w.base, w.force
     good = [f for f in map(motion.best, options) if len(f.effects) <= max(len(final.effects), 1)]
@@ -226,16 +232,16 @@ def better(w: Witnesses, final: Fitted, options: Sequence[Fitted]) -> Fitted | N
     return _simplest(w, [f for f in good if force is None or final.effects or not _overruled(w, force, f)])
 
 
-def _simplest(w: Witnesses, options: Sequence[Fitted]) -> Fitted | None:
+def _simplest(w: Evidence, options: Sequence[FittedModel]) -> FittedModel | None:
     """Return the simplest of the options that are as good as the best of them; None of none."""
     best = min(options, key=lambda f: f.level, default=None)
     as_good = [f for f in options if best and w.motion.as_good(best, f)]
     return min(as_good, key=lambda f: (len(f.effects), f.size, f.level), default=None)
 
 
-def _as_one(motion: Motion, final: Fitted) -> list[Fitted]:
+def _as_one(motion: OutputErrorEstimator, final: FittedModel) -> list[FittedModel]:
     """Return models with one effect in place of two that it is about the same as, from their values and its starts."""
-    found, uses = list[Fitted](), {use.type: use.parameters for use in final.model.effects.values()}
+    found, uses = list[FittedModel](), {use.type: use.parameters for use in final.model.effects.values()}
     for pair, (name, effect) in product(combinations(final.effects, 2), EFFECTS.items()):
         others = {n: uses.get(n, {}) for n in pair}
         values = effect.instead(others) if all(others.values()) and name not in final.effects else {}
@@ -253,4 +259,4 @@ def _as_one(motion: Motion, final: Fitted) -> list[Fitted]:
     return [f for f in found if len(f.effects) < len(final.effects)]
 
 
-__all__ = ["agree", "alone", "fewest"]
+__all__ = ["alone", "fewest", "select_model"]

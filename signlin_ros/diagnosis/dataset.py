@@ -1,4 +1,4 @@
-"""Records made ready for both witnesses: what is fitted to, what is held out, and what they are told apart by."""
+"""Records made ready for both estimates: what is fitted to, what is held out, and what they are told apart by."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from signlin_ros.records import ModelData
 Array = NDArray[np.float64]
 Records = ModelData | Sequence[ModelData]
 
-TURN = 0.1
+MIN_SWING_SPEED = 0.1
 """A swing turns back where the speed is beyond this part of its largest on the other side."""
-ALIKE = 1.15
+MAX_SWING_RATIO = 1.15
 """Largest ratio of strokes, and of paces, of swings that are alike."""
 
 
 @dataclass(frozen=True, eq=False)
-class Case:
+class Dataset:
     """The records as given or held out, what is fitted to (``problem``) and what is not (``unseen``);
     ``told_hold``: how their inputs act, if that was found (`signlin_ros.diagnosis.input_hold`).
     """
@@ -63,7 +63,7 @@ class Case:
         for record in self.records if plant.motion_is_imposed() else ():
             v = record.u[:, self.model.inputs.index(plant.velocity)]
             x, size = travelled(record.t, v), np.abs(v)
-            moving = np.flatnonzero(size > TURN * size.max())
+            moving = np.flatnonzero(size > MIN_SWING_SPEED * size.max())
             turns = moving[np.flatnonzero(np.diff(np.sign(v[moving]))) + 1].tolist()
             found.append(np.reshape([(np.ptp(x[a:b]), size[a:b].max()) for a, b in pairwise(turns)], (-1, 2)))
         return found
@@ -72,7 +72,7 @@ class Case:
     def one_cycle(self) -> bool:
         """Whether an imposed motion holds one cycle again and again: speed and memory look alike there."""
         swings = np.concatenate([np.zeros((0, 2)), *self._swings])
-        return len(swings) > 1 and bool(np.all(swings.max(axis=0) < ALIKE * swings.min(axis=0)))
+        return len(swings) > 1 and bool(np.all(swings.max(axis=0) < MAX_SWING_RATIO * swings.min(axis=0)))
 
     @property
     def seldom(self) -> bool:
@@ -80,14 +80,14 @@ class Case:
         return bool(self._swings) and not any(map(len, self._swings))
 
 
-def case(model: Model, data: Records, validation: Records | None = None) -> Case:
+def dataset_of(model: Model, data: Records, validation: Records | None = None) -> Dataset:
     """Return a case, without validation of parts that are held out; raises `RecordError` where they tell too little."""
     load_entry_points()
     known = as_list(data)
     if model.plant.closed_loop and validation is None:
-        return Case(tuple(known), *held_in_turn(model, known))
+        return Dataset(tuple(known), *held_in_turn(model, known))
     known, unseen = held_out(known) if validation is None else (known, as_list(validation))
-    return Case((*known, *unseen), *prepared(model, known, unseen))
+    return Dataset((*known, *unseen), *prepared(model, known, unseen))
 
 
-__all__ = ["Case", "Records", "case"]
+__all__ = ["Dataset", "Records", "dataset_of"]

@@ -1,4 +1,4 @@
-"""The force witness: which laws make the force that a model lacks, from the measured motion alone.
+"""The equation-error estimate: which laws make the force that a model lacks, from the measured motion alone.
 
 Laws, driven by the measured motion, are regressors of the missing force: the least set that suffices is proposed.
 [Equation error: Ljung, System Identification, 1999, sec. 7.3; inverse dynamics of robots: Gautier, Janot and

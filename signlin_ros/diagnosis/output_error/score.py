@@ -14,20 +14,20 @@ from numpy.typing import NDArray
 from signlin_ros.comparison.scores import Score, rated
 from signlin_ros.fitting.candidate import Candidate
 from signlin_ros.fitting.following import follow_records
-from signlin_ros.fitting.gains import Gains
+from signlin_ros.fitting.gains import ObserverGains
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.follow.tracking import Tracker
 from signlin_ros.predict import windows
 
 Array = NDArray[np.float64]
 
-FEWEST, BLOCKS = 3, 100
+MIN_WINDOW_BLOCKS, MAX_WINDOW_BLOCKS = 3, 100
 """Blocks of whole windows that a standard error is taken from, at least and at most."""
 FORGOTTEN, FEWEST_PARTS = 1.0, 8
 """Length in s of a block of a free run in a closed loop, some times what the loop takes to forget; blocks at least."""
-LOST = 1e6
+DIVERGED_VARIANCE = 1e6
 """Error of a model that diverges, in variances of the noise."""
-PLAIN = float(np.log(4.0))
+MAX_LOG_GAIN = float(np.log(4.0))
 """Fall of the logarithm of a squared error from which on a block says all that it can: to half the error."""
 
 
@@ -58,7 +58,7 @@ def gain(before: Array, after: Array, noise: Array) -> Gain:
     a, b = np.where(there, before, 0.0), np.where(there, after, 0.0)
     count = np.maximum(there.sum(axis=0), 1)
     first, second = a.sum(axis=0) / count, b.sum(axis=0) / count
-    falls = np.clip(np.log((a + noise**2) / (b + noise**2)), -PLAIN, PLAIN)
+    falls = np.clip(np.log((a + noise**2) / (b + noise**2)), -MAX_LOG_GAIN, MAX_LOG_GAIN)
     beyond = np.maximum(first - noise**2, 0.01 * first)
     share = float(np.max((first - second) / np.maximum(beyond, 1e-300)))
     each = np.array([_certainty(falls[there[:, c], c]) for c in range(falls.shape[1])])
@@ -69,7 +69,7 @@ def _certainty(falls: Array) -> float:
     """Return the mean of falls (blocks) over its standard error, which is larger where neighbours go together; one more
     block, which tells nothing, is a doubt where all say the same.
     """
-    if falls.size < FEWEST:
+    if falls.size < MIN_WINDOW_BLOCKS:
         return 0.0
     falls = np.append(falls, 0.0)
     apart = falls - falls.mean()
@@ -90,16 +90,18 @@ def beyond_noise(before: Array, after: Array, samples: Array, together: Array) -
 
 
 def told_change(certainty: float, asked: float, most: str = "") -> str:
-    """Return by how many standard errors the error on unseen data changes, and by how many it must fall, in words."""
+    """Return by how many standard errors the error on validation data changes, and by how many it must fall, in
+    words.
+    """
     if round(certainty, 1) < 0:
-        return f"the error on unseen data rises by {-certainty:.1f} standard errors"
+        return f"the error on validation data rises by {-certainty:.1f} standard errors"
     size = f"{most}{np.floor(10 * certainty) / 10:.1f} standard errors"  # 3.48 are not the 3.5 that are asked
-    return f"the error on unseen data falls by {size}, {asked:g} are asked"
+    return f"the error on validation data falls by {size}, {asked:g} are asked"
 
 
 def elsewhere(known: Array, unseen: Array, here: Array, there: Array, times: float) -> bool:
-    """Tell whether mean squared errors (blocks, channels) of unseen data are so many times those of known ones, both
-    beside the noise of their sensors, ``there`` and ``here`` (channels): it has a size of its own in every record.
+    """Tell whether mean squared errors (blocks, channels) of validation data are so many times those of known ones,
+    both beside the noise of their sensors, ``there`` and ``here`` (channels): it has a size of its own in every record.
     """
     first, second = (np.sqrt(np.nanmean(squares, axis=0)) for squares in (known, unseen))
     least = np.max([first * np.maximum(there / here, 1.0), here, there], axis=0)
@@ -125,16 +127,16 @@ def parts_of(problem: Problem) -> int:
     return max(int(shortest / FORGOTTEN), -(-FEWEST_PARTS // len(problem.segments)), 1)
 
 
-def windowed(problem: Problem, c: Candidate, theta: Array, gains: Gains, parts: int | None = None) -> Array:
+def windowed(problem: Problem, c: Candidate, theta: Array, gains: ObserverGains, parts: int | None = None) -> Array:
     """Return the mean squared errors (blocks, channels) of a candidate over windows of the horizon; of a plant in a
     closed loop over each record, run freely, in so many ``parts`` (by default `parts_of`).
     """
     cuts = _cuts(problem, parts or parts_of(problem))
     errors = _errors(problem, c, theta, gains, cuts)
     if errors is None:
-        errors = [np.sqrt(LOST) * problem.noise + np.zeros(s.y.shape) for s in problem.segments]
+        errors = [np.sqrt(DIVERGED_VARIANCE) * problem.noise + np.zeros(s.y.shape) for s in problem.segments]
     closed = problem.base.plant.closed_loop
-    group = 1 if closed else max(1, -(-sum(len(at) - 1 for at in cuts) // BLOCKS))
+    group = 1 if closed else max(1, -(-sum(len(at) - 1 for at in cuts) // MAX_WINDOW_BLOCKS))
     result = []
     for e, at in zip(errors, cuts, strict=True):
         first = 0 if closed else 1
@@ -158,7 +160,7 @@ def _cuts(problem: Problem, parts: int) -> list[list[int]]:
 
 
 def _errors(
-    problem: Problem, c: Candidate, theta: Array, gains: Gains, cuts: Sequence[Sequence[int]]
+    problem: Problem, c: Candidate, theta: Array, gains: ObserverGains, cuts: Sequence[Sequence[int]]
 ) -> list[Array] | None:
     """Return the errors (T, ny) of every record; None where the model diverges."""
     run = follow_records(problem, c, theta, gains, False)
@@ -179,7 +181,7 @@ def _errors(
     return found
 
 
-def _corrected(gains: Gains, c: Candidate, X: Array, e: Array) -> Array:
+def _corrected(gains: ObserverGains, c: Candidate, X: Array, e: Array) -> Array:
     """Return the states (T, n) with what the sample itself tells of them."""
     rows = gains.rows(c.model.states, c.floating)
     held = rows[np.minimum(np.arange(len(X)), len(rows) - 1)]

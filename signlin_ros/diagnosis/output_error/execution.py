@@ -15,7 +15,7 @@ class CancelledError(SignlinError):
     """Somebody asked to stop."""
 
 
-class Running:
+class Execution:
     """The seam through which a diagnosis tells its progress and is stopped; ``jobs``: how much is done side by side."""
 
     def __init__(self, jobs: int, progress: Progress | None, cancelled: Callable[[], bool] | None) -> None:
@@ -40,4 +40,4 @@ class Running:
             return list(pool.map(do, items))
 
 
-__all__ = ["CancelledError", "Progress", "Running"]
+__all__ = ["CancelledError", "Execution", "Progress"]

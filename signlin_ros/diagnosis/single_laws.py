@@ -8,51 +8,51 @@ from __future__ import annotations
 
 import contextlib
 
-from signlin_ros.diagnosis.motion import Fitted
-from signlin_ros.diagnosis.motion.trials import tryable
-from signlin_ros.diagnosis.witnesses import Witnesses
+from signlin_ros.diagnosis.evidence import Evidence
+from signlin_ros.diagnosis.output_error import FittedModel
+from signlin_ros.diagnosis.output_error.trials import tryable
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import InputError
 
-NEAR, AS_GOOD = 0.5, 1.0
+MIN_GAIN_SHARE, MIN_FAMILY_SHARE = 0.5, 1.0
 """Share of what a proposal gains that a law must gain by itself, and that one of its family in its place must, to be
 fitted to the end.
 """
 
 
-def complete(w: Witnesses, f: Fitted) -> bool:
+def complete(w: Evidence, f: FittedModel) -> bool:
     """Tell whether a model leaves but noise, near the sensors' or at its own, with no base parameter far off."""
     return w.near_any_noise(f) and f.clean and not f.far(w.criteria)
 
 
-def settled(w: Witnesses, f: Fitted) -> bool:
+def settled(w: Evidence, f: FittedModel) -> bool:
     """Tell whether a model needs no comparison with all single laws: one law at most, that leaves but noise."""
     return len(f.effects) < 2 and complete(w, f)
 
 
-def fit_every_law(w: Witnesses, now: Fitted) -> list[Fitted]:
+def fit_every_law(w: Evidence, now: FittedModel) -> list[FittedModel]:
     """Return every law fitted by itself that comes near a proposal, or is among the best where there is none."""
     known = {n for f in w.single for n in f.effects}
     names = [n for n in EFFECTS if n not in known and tryable(w.motion.problem, n)]
-    w.keep(*_extended(w, w.base, names, now, NEAR))
+    w.keep(*_extended(w, w.base, names, now, MIN_GAIN_SHARE))
     return w.single
 
 
-def fit_families(w: Witnesses, final: Fitted) -> list[Fitted]:
+def fit_families(w: Evidence, final: FittedModel) -> list[FittedModel]:
     """Return what is as good as a proposal with another law of the family in the place of one."""
-    found = list[Fitted]()
+    found = list[FittedModel]()
     for name in final.effects if len(final.effects) > 1 else ():
         family = EFFECTS[name].family
         kin = [n for n, effect in EFFECTS.items() if family and effect.family == family and n not in final.effects]
         kin = [n for n in kin if tryable(w.motion.problem, n)]
         with contextlib.suppress(InputError):  # without it the motion diverges
             rest = w.motion.fitted([n for n in final.effects if n != name], final.model)
-            found += _extended(w, rest, kin, final, AS_GOOD)
+            found += _extended(w, rest, kin, final, MIN_FAMILY_SHARE)
     w.keep(*found)
     return found
 
 
-def _extended(w: Witnesses, of: Fitted, names: list[str], rival: Fitted, share: float) -> list[Fitted]:
+def _extended(w: Evidence, of: FittedModel, names: list[str], rival: FittedModel, share: float) -> list[FittedModel]:
     return w.motion.extensions(of, names, rival if rival.effects else None, share) if names else []
 
 

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.comparison.equations import by_effort, depends_on_place, mass, rate_of, tape_of
-from signlin_ros.comparison.piece import Piece, effort_unit
+from signlin_ros.comparison.force_segment import ForceSegment, effort_unit
 from signlin_ros.effects import EFFECTS, Effect, find_effect
 from signlin_ros.engine.symbolic import symbolic
 from signlin_ros.engine.tape import Tape
@@ -45,7 +45,7 @@ WAYS = (1.0, 0.2, 0.04)
 
 
 @dataclass(frozen=True)
-class Parts:
+class LawParts:
     """How the parameters of a law enter: ``levels`` each with a column; ``group``: those that scale together;
     ``amplitude`` and ``phase``: two columns; ``neutral``: the value at which the one level does nothing; ``shape``.
     """
@@ -59,7 +59,7 @@ class Parts:
 
 @symbolic
 @functools.lru_cache(maxsize=256)
-def parts_of(structure: Structure) -> Parts:
+def parts_of(structure: Structure) -> LawParts:
     """Return how the parameters of a law enter its force."""
     t, effect = trace(structure), next(s.effect for s in structure.slots if s.key == KEY)
     p, force = _symbols(t), rate_of(t, structure.plant)
@@ -75,7 +75,7 @@ def parts_of(structure: Structure) -> Parts:
     group = [n for n in names if own and n not in levels and forceful[n]]
     shape = [*(n for n in names if n not in levels and n not in group), *group[1:]]
     neutral = effect.neutral.get(levels[0], 0.0) if len(levels) == 1 else 0.0
-    return Parts(tuple(levels), tuple(group), effect.turning, neutral, tuple(shape))
+    return LawParts(tuple(levels), tuple(group), effect.turning, neutral, tuple(shape))
 
 
 @symbolic
@@ -118,12 +118,12 @@ def _changes(t: Trace, structure: Structure) -> ca.SX:
 
 
 @dataclass(frozen=True)
-class Law:
+class LawRegressor:
     """An effect as a regressor beside a model: ``model`` has it under `KEY`, ``columns`` are made of its parts."""
 
     name: str
     model: Model
-    parts: Parts
+    parts: LawParts
 
     @property
     def effect(self) -> type[Effect]:
@@ -145,7 +145,7 @@ class Law:
         levels = [pars[n].low >= 0.0 for n in self.parts.levels]
         return (*levels, *([True] if self.parts.group else []), *([False, False] if self.parts.turning else []))
 
-    def columns(self, piece: Piece, shape: Shape) -> Array:
+    def columns(self, piece: ForceSegment, shape: Shape) -> Array:
         """Return the force (K, columns) of unit levels along a piece, through the low-pass at the compared samples."""
         return piece.once((self.name, shape), lambda: self._seen(piece, shape, columns_of))
 
@@ -154,12 +154,12 @@ class Law:
         """Whether the law, in any shape, adds to the part of the effort that drives."""
         return loads_of(self.model.structure) is not None
 
-    def loads(self, piece: Piece, shape: Shape) -> Array:
+    def loads(self, piece: ForceSegment, shape: Shape) -> Array:
         """Return what unit levels add (K, columns) to the part of the effort that drives."""
         unit = effort_unit(self.model)
         return piece.once(("load", self.name, shape), lambda: self._seen(piece, shape, loads_of) / unit)
 
-    def _seen(self, piece: Piece, shape: Shape, what: Callable[[Structure], Any]) -> Array:
+    def _seen(self, piece: ForceSegment, shape: Shape, what: Callable[[Structure], Any]) -> Array:
         """Return what a tape of the law says times the mass (K, columns), through the low-pass."""
         changed = {f"{KEY}.{n}": v for n, v in shape if n in self.structural}
         known = {**piece.conditions, **changed}
@@ -200,34 +200,34 @@ def _turned(a: float, b: float) -> tuple[float, float]:
 
 
 @dataclass(frozen=True)
-class Ripple(Law):
+class Ripple(LawRegressor):
     """Several waves as one law: the columns of ``wave`` at each of the orders in its shape."""
 
-    wave: Law
+    wave: LawRegressor
 
     def free(self, shape: Shape) -> int:
-        """See `Law`."""
+        """See `LawRegressor`."""
         return 3 * len(shape)
 
     def positive(self, shape: Shape) -> tuple[bool, ...]:
-        """See `Law`."""
+        """See `LawRegressor`."""
         return (False, False) * len(shape)
 
-    def columns(self, piece: Piece, shape: Shape) -> Array:
-        """See `Law`."""
+    def columns(self, piece: ForceSegment, shape: Shape) -> Array:
+        """See `LawRegressor`."""
         return np.hstack([self.wave.columns(piece, (order,)) for order in shape])
 
     def parameters(self, shape: Shape, coefficients: Array) -> dict[str, Any]:
-        """See `Law`."""
+        """See `LawRegressor`."""
         amplitudes, phases = zip(*(_turned(a, b) for a, b in coefficients.reshape(-1, 2)), strict=True)
         return {"orders": [N for _, N in shape], "A": list(amplitudes), "phi": list(phases)}
 
 
-def laws(model: Model, angular: bool, placed: bool = True) -> dict[str, Law]:
+def laws(model: Model, angular: bool, placed: bool = True) -> dict[str, LawRegressor]:
     """Return the laws that act as a force along a measured motion, and that a model may lack, by their names.
 
     ``placed``: whether the position was measured; ``angular``: whether something may go with its sine: the axis turns,
-    or travels a whole period. Left to the motion witness: what changes an input or a sensor, hidden inertias.
+    or travels a whole period. Left to the output-error estimate: what changes an input or a sensor, hidden inertias.
     """
     found = {}
     for name, effect in EFFECTS.items():
@@ -238,7 +238,7 @@ def laws(model: Model, angular: bool, placed: bool = True) -> dict[str, Law]:
     return {**found, "torque_ripple": Ripple("torque_ripple", wave.model, wave.parts, wave)} if wave else found
 
 
-def _law(model: Model, name: str, effect: type[Effect]) -> Law | None:
+def _law(model: Model, name: str, effect: type[Effect]) -> LawRegressor | None:
     forceful = effect.force is not Effect.force or effect.spring is not Effect.spring
     hidden = effect.resonant or effect.floating
     there = any(use.type == name for use in model.effects.values())
@@ -249,10 +249,10 @@ def _law(model: Model, name: str, effect: type[Effect]) -> Law | None:
         parts = parts_of(wider.structure)
     except SignlinError:
         return None
-    return Law(name, wider, parts) if parts.levels or parts.group or parts.turning else None
+    return LawRegressor(name, wider, parts) if parts.levels or parts.group or parts.turning else None
 
 
-def grid(law: Law, scale: Scale) -> list[Shape]:
+def grid(law: LawRegressor, scale: Scale) -> list[Shape]:
     """Return the shapes that are tried: those of the effect's own starts, each once; waves are scanned for."""
     if law.effect.periodic or isinstance(law, Ripple):
         return []
@@ -262,7 +262,7 @@ def grid(law: Law, scale: Scale) -> list[Shape]:
     return points[:: max(1, -(-len(points) // GRID))]
 
 
-def _reference(law: Law, start: Mapping[str, float]) -> Shape:
+def _reference(law: LawRegressor, start: Mapping[str, float]) -> Shape:
     """Return a shape from a start: its group scaled so that the first of it is 1."""
     values: dict[str, Any] = {**law.model.effects[KEY].parameters, **start}
     group = law.parts.group
@@ -273,4 +273,4 @@ def _reference(law: Law, start: Mapping[str, float]) -> Shape:
     return tuple((n, float(f"{values[n]:.12g}")) for n in names)
 
 
-__all__ = ["KEY", "Law", "Parts", "Ripple", "Shape", "grid", "laws", "parts_of"]
+__all__ = ["KEY", "LawParts", "LawRegressor", "Ripple", "Shape", "grid", "laws", "parts_of"]

@@ -1,4 +1,4 @@
-"""The verdict that follows from what both witnesses stand for: adequate, missing or unexplained."""
+"""The verdict that follows from what both estimates stand for: adequate, missing or unexplained."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.comparison.scores import unfollowed
-from signlin_ros.diagnosis.case import Case
 from signlin_ros.diagnosis.criteria import Criteria
-from signlin_ros.diagnosis.force.flexible import Curve, changing, structured
-from signlin_ros.diagnosis.force.regression import Fit, mean_certainty
+from signlin_ros.diagnosis.dataset import Dataset
+from signlin_ros.diagnosis.equation_error.flexible import Curve, changing, structured
+from signlin_ros.diagnosis.equation_error.regression import RegressionFit, mean_certainty
+from signlin_ros.diagnosis.evidence import HALF, Evidence
 from signlin_ros.diagnosis.loops import forces_of
-from signlin_ros.diagnosis.motion import Fitted, Motion
-from signlin_ros.diagnosis.motion.score import elsewhere, gain, of_windows
-from signlin_ros.diagnosis.witnesses import HALF, Witnesses
+from signlin_ros.diagnosis.output_error import FittedModel, OutputErrorEstimator
+from signlin_ros.diagnosis.output_error.score import elsewhere, gain, of_windows
 from signlin_ros.effects import find_effect
 from signlin_ros.errors import InputError
 from signlin_ros.fitting.prepare import reversed_signal
@@ -27,7 +27,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Reason:
-    """What follows "explains a part", whether nothing is confirmed, and why unseen data do not tell of a proposal."""
+    """What follows "explains a part", whether nothing is confirmed, and why validation data do not tell of a
+    proposal.
+    """
 
     said: str = ""
     rejects: bool = False
@@ -39,13 +41,13 @@ REASONS = {
     "conflict": Reason(rejects=True),
     "lost": Reason(),
     "worse": Reason(
-        " would lower an error, but that of {j.worse} rises on unseen data: nothing is confirmed.", rejects=True
+        " would lower an error, but that of {j.worse} rises on validation data: nothing is confirmed.", rejects=True
     ),
     "given": Reason(
         ": beside the refitted model {falls}, but the error {changes} beside the model as given, which is too little: "
         "nothing is confirmed.",
         rejects=True,
-        untold="it gains too little of unseen data beside the model as given",
+        untold="it gains too little of validation data beside the model as given",
     ),
     "once": Reason(
         " ({falls}), but the motion turns back only once in a record: a force that remembers the way and one that "
@@ -64,40 +66,40 @@ REASONS = {
 
 
 @dataclass(frozen=True, eq=False)
-class Judgement:
-    """What follows from what both witnesses stand for: the `verdict`, and every number that it rests on.
+class Verdict:
+    """What follows from what both estimates stand for: the `verdict`, and every number that it rests on.
 
     ``final``: that model; ``conflict``: why they differ; ``asked``: what `add` was asked for; ``untold``: why unseen
     data do not tell of what they proposed, where the model without it is stood for; ``dropped``: effects that were
     proposed beside others and tell nothing, and why.
     """
 
-    witnesses: Witnesses
-    final: Fitted
+    evidence: Evidence
+    final: FittedModel
     conflict: str = ""
     asked: str = ""
     untold: str = ""
     dropped: Mapping[str, str] = field(default_factory=dict)
 
     @property
-    def case(self) -> Case:
+    def case(self) -> Dataset:
         """The records."""
-        return self.witnesses.case
+        return self.evidence.case
 
     @property
-    def motion(self) -> Motion:
-        """The motion witness."""
-        return self.witnesses.motion
+    def motion(self) -> OutputErrorEstimator:
+        """The output-error estimate."""
+        return self.evidence.motion
 
     @property
-    def base(self) -> Fitted:
+    def base(self) -> FittedModel:
         """The best fit of the model as given."""
-        return self.witnesses.base
+        return self.evidence.base
 
     @property
     def criteria(self) -> Criteria:
         """What decides."""
-        return self.witnesses.criteria
+        return self.evidence.criteria
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -137,31 +139,31 @@ class Judgement:
     @cached_property
     def flexible(self) -> Curve:
         """What a flexible curve makes of the force that is left."""
-        force = self.witnesses.force
+        force = self.evidence.force
         if force is None or self.percent is None:
             return Curve(False, np.inf)
         search, r = force.search, force.search.r
-        if self.witnesses.acting(self.final) == set(force.effects):
+        if self.evidence.acting(self.final) == set(force.effects):
             return force.flexible
         if not self.names:
             return structured(search, search.base)
         left, unseen = (s.missing(self.final.model) for s in (r.known, r.unseen))
-        return structured(search, Fit((("final", ()),), np.zeros(0), left, lambda: unseen))
+        return structured(search, RegressionFit((("final", ()),), np.zeros(0), left, lambda: unseen))
 
     @cached_property
     def changing(self) -> str:
         """Which force changes slowly along the records, if that is most of what is left; empty if none does."""
-        force = self.witnesses.force
+        force = self.evidence.force
         if force is None or self.percent is None or self.final.white:
             return ""
-        fit, r = force.search.models.get(self.witnesses.acting(self.final)), force.search.r
+        fit, r = force.search.models.get(self.evidence.acting(self.final)), force.search.r
         left = fit.unseen if fit else r.unseen.missing(self.final.model)
         return changing(r, left, forces_of(self.final, self.remembers))
 
     @cached_property
     def loop(self) -> str:
         """The hysteresis of a proposal that leaves more than a quarter of the force (RMS): one loop of its family."""
-        least = max(100.0 * self.criteria.part, self.criteria.sees * self.witnesses.noise_percent)
+        least = max(100.0 * self.criteria.part, self.criteria.sees * self.evidence.noise_percent)
         own = [n for n in self.remembers if find_effect(n, "effects").family]
         return own[0] if own and not self.final.clean and max(self.percent or 0, self.imposed or 0) > least else ""
 
@@ -170,7 +172,7 @@ class Judgement:
         """The channel whose printed error rises beyond its standard error beside the base, or the missing force; where
         the proposal's own is not told, that of a step on the way.
         """
-        before, after, w = self.left(self.base), self.left(self.final), self.witnesses
+        before, after, w = self.left(self.base), self.left(self.final), self.evidence
         steps = self.steps[1:-1] if after is None else ()
         after = next((left for f in reversed(steps) if (left := self.left(f)) is not None), after)
         risen = before is not None and after is not None and w.rises(before, after, self.criteria.worse)
@@ -178,15 +180,15 @@ class Judgement:
 
     @cached_property
     def beside_given(self) -> float:
-        """By how many standard errors the proposal lowers the error on unseen data beside the model as given."""
+        """By how many standard errors the proposal lowers the error on validation data beside the model as given."""
         return self.motion.certainty(self.motion.given, self.final)
 
     @cached_property
     def no_better(self) -> bool:
-        """Whether unseen data do not surely show a gain beside the model as given: a refit may not carry over."""
+        """Whether validation data do not surely show a gain beside the model as given: a refit may not carry over."""
         if self.beside_given > self.criteria.least:
             return False
-        given, final = (self.witnesses.as_written(f) for f in (self.motion.given, self.final))
+        given, final = (self.evidence.as_written(f) for f in (self.motion.given, self.final))
         return given is None or final is None or mean_certainty(given, final) <= self.criteria.least
 
     @property
@@ -198,20 +200,22 @@ class Judgement:
     def lost(self) -> list[str]:
         """The channels that none of the models that were fitted follows, neither where it was fitted nor elsewhere."""
         known, unseen, missed = self.motion.problem, self.motion.unseen, set(self.motion.problem.channels)
-        for f in (self.final, *self.witnesses.tried):
-            for side, squares in ((known, f.known_squares), (unseen, f.unseen_squares)):
+        for f in (self.final, *self.evidence.tried):
+            for side, squares in ((known, f.training_squares), (unseen, f.validation_squares)):
                 missed &= set(unfollowed(of_windows(side, squares, side.noise)))
         return [name for name in known.channels if name in missed]
 
     @cached_property
     def elsewhere(self) -> bool:
-        """Whether the model follows unseen data far worse than those that it was fitted to: of its force, too."""
-        noise, final, force = (self.motion.problem.noise, self.motion.unseen.noise), self.final, self.witnesses.force
-        if not elsewhere(final.known_squares, final.unseen_squares, *noise, self.criteria.near):
+        """Whether the model follows validation data far worse than those that it was fitted to: of its force, too."""
+        noise, final, force = (self.motion.problem.noise, self.motion.unseen.noise), self.final, self.evidence.force
+        if not elsewhere(final.training_squares, final.validation_squares, *noise, self.criteria.near):
             return False
         if force is None or self.percent is None:
             return True
-        known = float(np.sqrt(np.mean(force.written_left(final.model, known=True)))) / force.search.r.known.effort
+        known = (
+            float(np.sqrt(np.mean(force.residual_as_written(final.model, known=True)))) / force.search.r.known.effort
+        )
         return 100.0 * known < HALF * self.percent
 
     @cached_property
@@ -235,9 +239,9 @@ class Judgement:
             return "far"
         if self.most or self.loop:
             return "structure" if self.most else "loop"
-        if self.witnesses.sees(self.final):
+        if self.evidence.sees(self.final):
             large = not self.names and max([self.percent or 0.0, *self.unpredicted]) > 100.0 * self.criteria.large
-            near = self.witnesses.near_noise(self.final)
+            near = self.evidence.near_noise(self.final)
             if large and self.elsewhere:
                 return "elsewhere"
             clean = self.final.clean and (not large or self.follows)
@@ -245,10 +249,10 @@ class Judgement:
             more = not self.final.white and (self.little or near or self.changing or self.idle)
             more = more or (self.little and self.little_motion and not self.final.clean)  # untested is no proof
             return "structure" if ((large or self.flexible.visible) and not noise) or more else ""
-        if self.case.model.plant.closed_loop and self.witnesses.near_noise(self.final):
+        if self.case.model.plant.closed_loop and self.evidence.near_noise(self.final):
             return ""  # where a servo sticks, the steps of its encoder are no noise that could be tested
-        noise = self.witnesses.leaves_noise(self.final)
-        near = self.witnesses.near_any_noise(self.final)
+        noise = self.evidence.leaves_noise(self.final)
+        near = self.evidence.near_any_noise(self.final)
         if self.names and not near and (noise or self.percent is None):
             return "" if not self.little_motion else "elsewhere" if self.elsewhere else "structure"
         return "" if noise or self.within_noise or self.little_left else "structure"
@@ -259,7 +263,7 @@ class Judgement:
         what is left shows that it is noise.
         """
         part = 100.0 * self.criteria.part
-        return self.witnesses.near_any_noise(self.final) or max(self.unpredicted, default=0.0) <= part
+        return self.evidence.near_any_noise(self.final) or max(self.unpredicted, default=0.0) <= part
 
     @property
     def little_left(self) -> bool:
@@ -269,10 +273,10 @@ class Judgement:
         return bool(self.names and beyond.any() and np.all(less[beyond]))
 
     @cached_property
-    def sampled(self) -> Fitted | None:
+    def sampled(self) -> FittedModel | None:
         """The same model with inputs that were sampled from what goes on in between, where that is surely better."""
         model = self.final.model
-        if not model.asks_hold or model.plant.motion_is_imposed() or self.witnesses.near_noise(self.final):
+        if not model.asks_hold or model.plant.motion_is_imposed() or self.evidence.near_noise(self.final):
             return None
         try:
             found = self.motion.acting("centred").fitted(self.names, model.with_options(input_hold="centred"))
@@ -294,7 +298,7 @@ class Judgement:
         """Whether no effect is named, and force and motion are within about the noise, or half a sensor's step."""
         if self.names or self.percent is None:
             return False
-        w = self.witnesses
+        w = self.evidence
         little = self.percent <= w.noise_percent and w.near_noise(self.final)
         within = self.final.errors <= np.maximum(self.motion.unseen.noise, self.case.problem.quanta / 2)
         return bool(little or (not w.sees(self.final) and np.all(within)))
@@ -302,7 +306,7 @@ class Judgement:
     @property
     def little(self) -> bool:
         """Whether a proposal leaves the larger part of the force that is missing."""
-        part = self.witnesses.remaining(self.left(self.final))
+        part = self.evidence.remaining(self.left(self.final))
         return bool(self.names) and part is not None and part > self.criteria.part
 
     @property
@@ -310,7 +314,7 @@ class Judgement:
         """What is left of the channels, of which the model leaves more than about their noise, in per cent of their
         spread.
         """
-        scores = self.witnesses.row(self.final, None).validation.channels.values()
+        scores = self.evidence.row(self.final, None).validation.channels.values()
         near = self.criteria.near
         far = [s.fit_percent for s in scores if s.rmse_over_noise is None or s.rmse_over_noise > near]
         return [100.0 - fit for fit in far if fit is not None]
@@ -318,7 +322,7 @@ class Judgement:
     @cached_property
     def imposed(self) -> float | None:
         """What is left of the force of an imposed motion, where only its row tells, in per cent of its spread."""
-        told = self.percent is not None and self.percent > self.witnesses.noise_percent
+        told = self.percent is not None and self.percent > self.evidence.noise_percent
         if told or not self.case.model.plant.motion_is_imposed():
             return None
         return next(iter(self.unpredicted), None)
@@ -326,19 +330,19 @@ class Judgement:
     @property
     def most(self) -> bool:
         """Whether a proposal leaves most of the effort, beyond the noise, or of the force of an imposed motion."""
-        effort = 0.0 if self.percent is None else self.percent**2 - self.witnesses.noise_percent**2
+        effort = 0.0 if self.percent is None else self.percent**2 - self.evidence.noise_percent**2
         return bool(self.names) and max(effort, (self.imposed or 0.0) ** 2) > 100.0**2 * self.criteria.part
 
     @property
     def idle(self) -> bool:
         """Whether one of several laws does not surely take away force, where forces tell of it."""
-        w, several = self.witnesses, self.names if len(self.names) > 1 else ()
+        w, several = self.evidence, self.names if len(self.names) > 1 else ()
         return not all(w.falls(self.without(n), self.final) for n in several if n not in w.hidden)
 
     @property
     def little_motion(self) -> bool:
-        """Whether a proposal leaves the larger part of what the motion lacks, of unseen data or of known ones."""
-        known = gain(self.base.known_squares, self.final.known_squares, self.motion.problem.noise)
+        """Whether a proposal leaves the larger part of what the motion lacks, of validation data or of known ones."""
+        known = gain(self.base.training_squares, self.final.training_squares, self.motion.problem.noise)
         return min(self.motion.gain(self.base, self.final).share, known.share) < 1.0 - self.criteria.part
 
     @property
@@ -351,7 +355,7 @@ class Judgement:
         return "missing" if self.names else "adequate"
 
     @cached_property
-    def steps(self) -> tuple[Fitted, ...]:
+    def steps(self) -> tuple[FittedModel, ...]:
         """The models from the base to the proposal, one effect after the other."""
         steps, c = [self.base], self.criteria
         for k in range(1, len(self.names)):
@@ -360,27 +364,27 @@ class Judgement:
                 steps.append(part)
         return (*steps, *([self.final] if self.names else []))
 
-    def without(self, effect: str) -> Fitted:
+    def without(self, effect: str) -> FittedModel:
         """Return the best fit without one effect of the proposal: what removing it costs."""
         return self._part([n for n in self.names if n != effect])
 
-    def _part(self, names: Sequence[str]) -> Fitted:
+    def _part(self, names: Sequence[str]) -> FittedModel:
         """Return the best fit of some of the effects of the proposal; the base where it diverges without the others."""
         try:
             return self.motion.fitted(names, self.final.model) if names else self.base
         except InputError:
             return self.base
 
-    def left(self, f: Fitted) -> Array | None:
-        """Return the mean squared force (blocks,) left of unseen data: by the proposal as written, else at best."""
-        return self.witnesses.as_written(f) if f is self.final and f.effects else self.witnesses.left(f)
+    def left(self, f: FittedModel) -> Array | None:
+        """Return the mean squared force (blocks,) left of validation data: by the proposal as written, else at best."""
+        return self.evidence.as_written(f) if f is self.final and f.effects else self.evidence.left(f)
 
-    def percent_of(self, f: Fitted) -> float | None:
+    def percent_of(self, f: FittedModel) -> float | None:
         """Return that force in per cent of the effort (RMS)."""
-        return self.witnesses.percent(self.left(f))
+        return self.evidence.percent(self.left(f))
 
 
-def freed(before: Fitted, after: Fitted) -> str:
+def freed(before: FittedModel, after: FittedModel) -> str:
     """Return in words which base parameter is bent most without what was added, by a tolerance more; empty if none."""
     first, last = before.off, after.off
     most = max(first, key=lambda n: abs(first[n]) - abs(last.get(n, 0.0)), default="")
@@ -389,13 +393,13 @@ def freed(before: Fitted, after: Fitted) -> str:
     return f", but without it {most} ends {abs(first[most]):.1f} tolerances from its nominal value"
 
 
-def judge(witnesses: Witnesses, final: Fitted, conflict: str = "") -> Judgement:
-    """Return the judgement; of the model without it where unseen data do not tell of it, and nothing is missing."""
-    found = Judgement(witnesses, final, conflict)
+def verdict_of(evidence: Evidence, final: FittedModel, conflict: str = "") -> Verdict:
+    """Return the judgement; of the model without it where validation data do not tell of it, and nothing is missing."""
+    found = Verdict(evidence, final, conflict)
     if not found.unexplained or not REASONS[found.unexplained].untold:
         return found
-    alone = Judgement(witnesses, witnesses.base, untold=found.unexplained)
+    alone = Verdict(evidence, evidence.base, untold=found.unexplained)
     return alone if alone.verdict == "adequate" else found
 
 
-__all__ = ["REASONS", "Judgement", "freed", "judge"]
+__all__ = ["REASONS", "Verdict", "freed", "verdict_of"]

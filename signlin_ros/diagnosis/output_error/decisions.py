@@ -1,4 +1,6 @@
-"""Is one fit of the motion witness a step beyond another? By errors of unseen data, and by its own parameters."""
+"""Is one fit of the output-error estimate a step beyond another? By errors of validation data, and by its own
+parameters.
+"""
 
 from __future__ import annotations
 
@@ -10,46 +12,46 @@ import numpy as np
 
 from signlin_ros.comparison.equations import depends_on_place
 from signlin_ros.diagnosis.criteria import Criteria
-from signlin_ros.diagnosis.motion.fitted import Fitted
-from signlin_ros.diagnosis.motion.score import Gain, beyond_noise, elsewhere, gain, told_change
+from signlin_ros.diagnosis.output_error.fitted import FittedModel
+from signlin_ros.diagnosis.output_error.score import Gain, beyond_noise, elsewhere, gain, told_change
 from signlin_ros.effects import EFFECTS
 from signlin_ros.fitting.problem import Problem
 
-SLOWEST = 0.1
+SLOWEST_SHARE = 0.1
 """Part of the samples, the slowest, in which a wave over the position must pass in no less than two samples."""
 
 
 class Decisions:
-    """What decides between fits of a witness with `problem` (known records), `unseen` ones and `criteria`."""
+    """What decides between fits of a estimate with `problem` (training data), `unseen` ones and `criteria`."""
 
     problem: Problem
     unseen: Problem
     criteria: Criteria
 
-    def best(self, f: Fitted) -> Fitted:
+    def best(self, f: FittedModel) -> FittedModel:
         """Return the best fit of a model that is known by now."""
         raise NotImplementedError
 
-    def gain(self, before: Fitted, after: Fitted) -> Gain:
-        """Return what one model explains of unseen data beyond another."""
-        return gain(self.best(before).unseen_squares, after.unseen_squares, self.unseen.noise)
+    def gain(self, before: FittedModel, after: FittedModel) -> Gain:
+        """Return what one model explains of validation data beyond another."""
+        return gain(self.best(before).validation_squares, after.validation_squares, self.unseen.noise)
 
-    def certainty(self, before: Fitted, after: Fitted) -> float:
-        """Return by how many standard errors a model lowers the error on unseen data. Where it leaves but noise they
-        are of noise, and known data count too: what acts for once is in few blocks.
+    def certainty(self, before: FittedModel, after: FittedModel) -> float:
+        """Return by how many standard errors a model lowers the error on validation data. Where it leaves but noise
+        they are of noise, and training data count too: what acts for once is in few blocks.
         """
         c, known, unseen = self.criteria, self.problem, self.unseen
-        blocks = gain(before.unseen_squares, after.unseen_squares, unseen.noise).certainty
+        blocks = gain(before.validation_squares, after.validation_squares, unseen.noise).certainty
         if blocks > c.certainty or after.level > before.level or not after.clean:
             return blocks
-        if elsewhere(after.known_squares, after.unseen_squares, known.noise, unseen.noise, c.near):
+        if elsewhere(after.training_squares, after.validation_squares, known.noise, unseen.noise, c.near):
             return blocks
         together = np.array([one.together for one in after.left])
-        first = beyond_noise(before.known_squares, after.known_squares, known.counts, together)
-        second = beyond_noise(before.unseen_squares, after.unseen_squares, unseen.counts, together)
+        first = beyond_noise(before.training_squares, after.training_squares, known.counts, together)
+        second = beyond_noise(before.validation_squares, after.validation_squares, unseen.counts, together)
         return max(blocks, float(np.hypot(first, second))) if min(first, second) > c.least else blocks
 
-    def refused(self, before: Fitted, after: Fitted) -> str:
+    def refused(self, before: FittedModel, after: FittedModel) -> str:
         """Return why a model is no step beyond another, empty if it is one.
 
         Base parameters that were bent to imitate an effect, and are free with it, count as much as the error: both are
@@ -60,14 +62,14 @@ class Decisions:
         was = before.far(c)
         further = any(abs(x) > abs(was.get(n, 0.0)) for n, x in after.far(c).items())
         rises = float(np.mean(np.log(g.ratios))) > c.alike
-        freed = 0.0 if further or rises else max(before.strain - after.strain, 0.0)
+        freed = 0.0 if further or rises else max(before.prior_distance - after.prior_distance, 0.0)
         if certainty * abs(certainty) + freed < c.certainty**2:
             return told_change(certainty, c.certainty)
         if g.worsens(c.worse, c.alike):
             return "the error of a channel rises"
-        return after.vague(c) or self._elsewhere(after)
+        return after.insignificant(c) or self._elsewhere(after)
 
-    def _elsewhere(self, f: Fitted) -> str:
+    def _elsewhere(self, f: FittedModel) -> str:
         """Return which force has no shape of its own where the records were: a limit that was always passed; unless all
         that is left was tested, and is its sensors' noise, also a zero beyond all that a motion of unknown place went
         through, or a wave of too few periods.
@@ -82,7 +84,7 @@ class Decisions:
         few = self.few_waves(f)
         return self._away(f) or next((f"{key} has {n:.1f} waves in the record" for key, n in few.items()), "")
 
-    def _away(self, f: Fitted) -> str:
+    def _away(self, f: FittedModel) -> str:
         """Return how far from its zero a force over a position that nobody measured starts, if records never go as
         far: any load is one then.
         """
@@ -108,23 +110,23 @@ class Decisions:
                 v = np.gradient(q, part.t)
             found.append(np.abs(v[np.isfinite(v)]) if v is not None else np.zeros(1))
         every = np.concatenate(found) if found else np.zeros(0)
-        return float(np.quantile(every, SLOWEST)) if every.size else 0.0
+        return float(np.quantile(every, SLOWEST_SHARE)) if every.size else 0.0
 
-    def _quick(self, f: Fitted) -> str:
+    def _quick(self, f: FittedModel) -> str:
         """Return which wave over the position passes too fast for the samples: they show another one of it."""
         step = self.problem.scale.step
         orders = {k: use.parameters[n] for k, use in f.added.items() for n in EFFECTS[use.type].periodic[:1]}
         quick = [key for key, order in orders.items() if np.max(order) * self._slow * step > np.pi]
         return f"{quick[0]} passes a wave in less than two samples" if quick else ""
 
-    def few_waves(self, f: Fitted) -> dict[str, float]:
+    def few_waves(self, f: FittedModel) -> dict[str, float]:
         """Return how many periods the records hold of each periodic force of a model, of those of too few."""
         way = float(np.ptp(self.problem.stretch))
         orders = {k: use.parameters[n] for k, use in f.added.items() for n in EFFECTS[use.type].periodic[:1]}
         held = {key: order * way / (2 * np.pi) for key, order in orders.items()}
         return {key: waves for key, waves in held.items() if waves < self.criteria.waves}
 
-    def alike(self, before: Fitted, options: Sequence[Fitted]) -> list[Fitted]:
+    def alike(self, before: FittedModel, options: Sequence[FittedModel]) -> list[FittedModel]:
         """Return the options that are a step beyond a model and as good as the best, the simplest first; with simpler
         laws beyond which a richer one of their family is no step; with a base far from nominal only if nothing else is.
         """
@@ -134,16 +136,18 @@ class Decisions:
         rest = [one for one in good if one not in near]
         near += [one for one in rest if any(_simpler(one, other) and self.refused(one, other) for other in near)]
         near = [one for one in near if not one.far(self.criteria)] or near
-        return sorted(near, key=lambda one: (len(one.effects), one.size, one.level + one.strain / self.unseen.samples))
+        return sorted(
+            near, key=lambda one: (len(one.effects), one.size, one.level + one.prior_distance / self.unseen.samples)
+        )
 
-    def as_good(self, best: Fitted, other: Fitted) -> bool:
+    def as_good(self, best: FittedModel, other: FittedModel) -> bool:
         """Tell whether a model is as good as the best: within a standard error, or what a table shows."""
         g = self.gain(other, best)
         alike = bool((g.ratios > 1.0 - self.criteria.alike).all())
         return other is best or g.certainty < self.criteria.tie or alike
 
 
-def _simpler(one: Fitted, other: Fitted) -> bool:
+def _simpler(one: FittedModel, other: FittedModel) -> bool:
     """Tell whether a model has a simpler law of the same family in the place of one of another model's."""
     mine, its = set(one.effects) - set(other.effects), set(other.effects) - set(one.effects)
     if len(mine) != 1 or len(its) != 1:

@@ -20,7 +20,7 @@ from signlin_ros.par import nominal_values
 
 ARC = 0.25
 """Least way in rad over which one sine of the position is more than a load and a spring."""
-LATE = (0.5, 1.5, 5.0)
+SENSOR_DELAYS = (0.5, 1.5, 5.0)
 """Delays of a sensor that a fit starts from, in samples."""
 
 
@@ -94,7 +94,7 @@ def tryable(problem: Problem, name: str) -> bool:
 
 def _of_sensors(problem: Problem, name: str) -> list[Trial]:
     """Return a trial for every channel."""
-    late = [steps * problem.scale.step for steps in LATE]
+    late = [steps * problem.scale.step for steps in SENSOR_DELAYS]
     starts = {"sensor_gain": [1.0], "sensor_delay": late}.get(name, [0.0])
     shown = [c for c in problem.channels if c in problem.base.states or name != "sensor_delay"]
     return [Trial(name, tuple({f"{name}.{c}": start} for start in starts)) for c in shown]
@@ -139,7 +139,7 @@ def rescanned(problem: Problem, trial: Trial, before: Fit) -> Trial:
 
 
 @dataclass(frozen=True)
-class Parts:
+class CandidateParts:
     """A model without its sensors, the keys of the effects that were added to it, and what was added to sensors."""
 
     model: Model
@@ -147,7 +147,7 @@ class Parts:
     sensors: dict[str, float]
 
     @classmethod
-    def of(cls, f: Fit) -> Parts:
+    def of(cls, f: Fit) -> CandidateParts:
         """Return the parts of what was fitted."""
         model, label = f.fitted(), f.candidate.label
         sensors = {n: v for n, v in f.parameters().items() if n.startswith("sensor_") and n in label}
@@ -164,11 +164,11 @@ class Parts:
             model = model.with_effect(kind, None, **values)
         return model
 
-    def without(self, key: str) -> Parts:
+    def without(self, key: str) -> CandidateParts:
         """Return the same without one of the effects."""
         return replace(self, model=self.model.without_effect(key), keys=tuple(k for k in self.keys if k != key))
 
-    def extended(self, name: str, start: Mapping[str, float]) -> Parts:
+    def extended(self, name: str, start: Mapping[str, float]) -> CandidateParts:
         """Return the same with an effect more, at one of the points of a trial."""
         if issubclass(EFFECTS[name], SensorEffect):
             return replace(self, sensors={**self.sensors, **start})
@@ -181,4 +181,4 @@ class Parts:
         return replace(c, values={n: given.get(n, v) for n, v in c.values.items()})
 
 
-__all__ = ["Parts", "Trial", "completed", "free_key", "rescanned", "trials", "tryable"]
+__all__ = ["CandidateParts", "Trial", "completed", "free_key", "rescanned", "trials", "tryable"]

@@ -1,5 +1,5 @@
-"""Both witnesses of a case: what they measure of a model on unseen data, and what was fitted so far. The tables of all
-verbs show a row of each model; the first rows are the same in all for the same files.
+"""Both estimates of a case: what they measure of a model on validation data, and what was fitted so far. The tables of
+all verbs show a row of each model; the first rows are the same in all for the same files.
 """
 
 from __future__ import annotations
@@ -12,53 +12,55 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.comparison.equations import depends_on_place
-from signlin_ros.comparison.piece import recorded, tells_force
-from signlin_ros.diagnosis.case import Case
-from signlin_ros.diagnosis.criteria import DEFAULT, Criteria
-from signlin_ros.diagnosis.force.regression import TINY, Fit, mean_certainty, scaling
-from signlin_ros.diagnosis.force.witness import Testimony, hear
+from signlin_ros.comparison.force_segment import recorded, tells_force
+from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA, Criteria
+from signlin_ros.diagnosis.dataset import Dataset
+from signlin_ros.diagnosis.equation_error.estimate import EquationErrorResult, estimate_equation_error
+from signlin_ros.diagnosis.equation_error.regression import MIN_DIVISOR, RegressionFit, mean_certainty, scaling
 from signlin_ros.diagnosis.input_hold import asks_hold, with_hold
-from signlin_ros.diagnosis.motion import Fitted, Motion
-from signlin_ros.diagnosis.motion.score import of_windows
-from signlin_ros.diagnosis.results import FirstRows, Rung, Scores
+from signlin_ros.diagnosis.output_error import FittedModel, OutputErrorEstimator
+from signlin_ros.diagnosis.output_error.score import of_windows
+from signlin_ros.diagnosis.results import FirstRows, LadderRow, Scores
 from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.effects.base import Effect, SensorEffect
 from signlin_ros.threads import one_thread
 
 Array = NDArray[np.float64]
 Tell = Callable[[str], None]
-Seen = Callable[[Fitted | Testimony], None]
-ALL = 100.0
+Seen = Callable[[FittedModel | EquationErrorResult], None]
+WHOLE_EFFORT = 100.0
 """All of the effort, in per cent of it."""
 HALF = 0.5
-"""Part of the squared error that a model must take away for a difference of the witnesses to matter."""
+"""Part of the squared error that a model must take away for a difference of the estimates to matter."""
 
 
-def force_witness(c: Case, criteria: Criteria, tell: Tell, seen: Seen | None = None) -> Testimony | None:
-    """Return the force witness; None where what the model's forces depend on is not recorded."""
+def equation_error_of(
+    c: Dataset, criteria: Criteria, tell: Tell, seen: Seen | None = None
+) -> EquationErrorResult | None:
+    """Return the equation-error estimate; None where what the model's forces depend on is not recorded."""
     tell("missing force")
     if not tells_force(c.model, recorded(c.model, [*c.problem.parts, *c.unseen.parts])):
         return None
-    found = hear(c.problem, c.unseen, criteria)
+    found = estimate_equation_error(c.problem, c.unseen, criteria)
     if seen is not None:
         seen(found)
     return found
 
 
 @dataclass(eq=False)
-class Witnesses:
+class Evidence:
     """``force``: None where forces do not tell; ``tried``: all models that were fitted out; ``contradicted``: the base
     as the motion alone would have it, where the forces contradict that (`grounded`).
     """
 
-    case: Case
-    motion: Motion
-    force: Testimony | None
-    tried: list[Fitted] = field(default_factory=list)
-    _written: dict[Fitted, Array] = field(default_factory=dict, repr=False)
-    contradicted: Fitted | None = None
+    case: Dataset
+    motion: OutputErrorEstimator
+    force: EquationErrorResult | None
+    tried: list[FittedModel] = field(default_factory=list)
+    _written: dict[FittedModel, Array] = field(default_factory=dict, repr=False)
+    contradicted: FittedModel | None = None
 
-    def grounded(self) -> Witnesses:
+    def grounded(self) -> Evidence:
         """Return the same of a model with base parameters held at what the force tells of them, where the motion's own
         leave more than all of the effort, surely more than as given, far from noise of motion and force: what moves
         slowly in a loop is followed best where forces hardly act (300 times its inertia), which is no reference. The
@@ -66,14 +68,14 @@ class Witnesses:
         """
         force, motion = self.force, self.motion
         given, own = self.as_written(motion.given), self.as_written(motion.base)
-        if force is None or given is None or own is None or (self.percent(own) or 0.0) <= ALL:
+        if force is None or given is None or own is None or (self.percent(own) or 0.0) <= WHOLE_EFFORT:
             return self
         complete = force.fit.error <= self.criteria.sees**2 * self.noise or motion.base.near(self.criteria.sees)
         if complete or mean_certainty(given, own) > -self.criteria.certainty:
             return self
         told = force.with_laws(force.fit)
         held = {n: told.value(n) for n in force.search.r.names if n in told.parameters}
-        found = Witnesses(self.case, motion.holding(held, told=True), force, contradicted=motion.base)
+        found = Evidence(self.case, motion.holding(held, told=True), force, contradicted=motion.base)
         if (own := found.as_written(found.base)) is not None and np.mean(own) > np.mean(given):
             found.motion.refer_to_given()
         return found
@@ -84,43 +86,44 @@ class Witnesses:
         return self.motion.criteria
 
     @property
-    def base(self) -> Fitted:
+    def base(self) -> FittedModel:
         """The best fit of the model as given."""
         return self.motion.base
 
     @property
     def hidden(self) -> set[str]:
-        """The effects that the force witness cannot see."""
+        """The effects that the equation-error estimate cannot see."""
         return {n for n in EFFECTS if self.force is None or n not in self.force.search.r.laws}
 
     @property
-    def single(self) -> list[Fitted]:
+    def single(self) -> list[FittedModel]:
         """What was fitted out with one effect."""
         return [f for f in self.tried if len(f.effects) == 1]
 
     @property
-    def laws(self) -> dict[str, Fit]:
-        """What the force witness found of every law by itself."""
+    def laws(self) -> dict[str, RegressionFit]:
+        """What the equation-error estimate found of every law by itself."""
         models = self.force.search.models if self.force else {}
         return {next(iter(names)): fit for names, fit in models.items() if len(names) == 1}
 
-    def keep(self, *found: Fitted) -> None:
+    def keep(self, *found: FittedModel) -> None:
         """Keep what was fitted out."""
         self.tried += [f for f in found if f not in self.tried]
 
     # ------------------------------------------------------------ the force that a model leaves
 
-    def acting(self, f: Fitted) -> frozenset[str]:
+    def acting(self, f: FittedModel) -> frozenset[str]:
         """Return the effects that bear on the force: where the current is measured, those of the voltage do not."""
         current = self.force is not None and self.force.search.r.current
         own = {n: find_effect(n, "effects") for n in f.effects}
         only = {n for n, e in own.items() if _has(e, "input", "delay") and not _has(e, "force", "torque_constant")}
         return frozenset(own.keys() - only if current else own)
 
-    def comparable(self, f: Fitted) -> bool:
+    def comparable(self, f: FittedModel) -> bool:
         """Tell whether the force that a model leaves can be compared with the base model's: not where a sensor or the
         time of the effort was changed, a load floats, an unmeasured position matters, waves are beyond the band, nor of
-        noise of the motion beside a `silent` force witness, or that is left by what no force shows but of the input.
+        noise of the motion beside a `silent` equation-error estimate, or that is left by what no force shows but of
+        the input.
         """
         if self.force is None:
             return False
@@ -137,15 +140,17 @@ class Witnesses:
             return False
         return self.force.search.r.known.pieces[0].position_measured or not depends_on_place(f.model.structure)
 
-    def as_written(self, f: Fitted) -> Array | None:
-        """Return the mean squared force (blocks,) left of unseen data, with the values in the model; None: not told."""
+    def as_written(self, f: FittedModel) -> Array | None:
+        """Return the mean squared force (blocks,) left of validation data, with the values in the model; None: not
+        told.
+        """
         if self.force is None or not self.comparable(f):
             return None
         if f not in self._written:
-            self._written[f] = self.force.written_left(f.model)
+            self._written[f] = self.force.residual_as_written(f.model)
         return self._written[f]
 
-    def left(self, f: Fitted) -> Array | None:
+    def left(self, f: FittedModel) -> Array | None:
         """Return the same with the values of the motion or of the force, whichever leave less: the best of a set."""
         left = self.as_written(f)
         if left is None or self.force is None:
@@ -158,11 +163,13 @@ class Witnesses:
         """Return mean squared forces (blocks,) in per cent of the effort (RMS)."""
         if left is None or self.force is None:
             return None
-        return 100.0 * float(np.sqrt(np.mean(left))) / max(self.force.search.r.unseen.effort, TINY)
+        return 100.0 * float(np.sqrt(np.mean(left))) / max(self.force.search.r.unseen.effort, MIN_DIVISOR)
 
     @cached_property
     def silent(self) -> bool:
-        """Whether the force witness names nothing, and sees nothing: it is asked of nothing that leaves noise."""
+        """Whether the equation-error estimate names nothing, and sees nothing: it is asked of nothing that leaves
+        noise.
+        """
         return self.force is not None and not self.force.effects and not self.sees(self.base)
 
     @property
@@ -182,8 +189,8 @@ class Witnesses:
         free = self.force is not None and self.force.search.r.unseen.free
         return "of the inertial force" if free else "of the effort"
 
-    def sees(self, f: Fitted) -> bool:
-        """Tell whether the force witness can tell what is in the force that a model leaves."""
+    def sees(self, f: FittedModel) -> bool:
+        """Tell whether the equation-error estimate can tell what is in the force that a model leaves."""
         left = self.left(f)
         return left is not None and float(np.mean(left)) > self.criteria.sees**2 * self.noise
 
@@ -192,19 +199,19 @@ class Witnesses:
         before = self.left(self.base)
         if left is None or before is None:
             return None
-        return (float(np.mean(left)) - self.noise) / max(float(np.mean(before)) - self.noise, TINY)
+        return (float(np.mean(left)) - self.noise) / max(float(np.mean(before)) - self.noise, MIN_DIVISOR)
 
-    def explains(self, f: Fitted) -> bool:
+    def explains(self, f: FittedModel) -> bool:
         """Tell whether a model takes away most of a missing force that is seen."""
         part = self.remaining(self.left(f))
         return part is not None and self.sees(f) and part <= self.criteria.part
 
-    def falls(self, before: Fitted, after: Fitted) -> bool:
+    def falls(self, before: FittedModel, after: FittedModel) -> bool:
         """Tell whether a model leaves surely less force than another one, if forces tell."""
         a, b = self.left(before), self.left(after)
         return a is None or b is None or mean_certainty(a, b) >= self.criteria.certainty
 
-    def raises(self, before: Fitted, after: Fitted) -> bool:
+    def raises(self, before: FittedModel, after: FittedModel) -> bool:
         """Tell whether a model leaves more force than another one, beyond doubt, and more than the sensors' noise."""
         a, b = self.left(before), self.left(after)
         if a is None or b is None:
@@ -212,7 +219,7 @@ class Witnesses:
         alike = (1 + self.criteria.alike) ** 2 * float(np.mean(a))
         return float(np.mean(b)) > max(alike, self.noise) and mean_certainty(a, b) < -self.criteria.tie
 
-    def valued(self, f: Fitted) -> Fitted:
+    def valued(self, f: FittedModel) -> FittedModel:
         """Return the best model with some effects, with the motion's values, right near the noise, or those of the
         force, where these leave less force beyond doubt, less of both, and no channel errs more.
         """
@@ -220,8 +227,8 @@ class Witnesses:
         if force is None or self.near_noise(best) or not (f.effects and self.comparable(f)):
             return best
 
-        def both(one: Fitted) -> float:
-            return one.level + float(np.log(np.mean(force.written_left(one.model)) + TINY))
+        def both(one: FittedModel) -> float:
+            return one.level + float(np.log(np.mean(force.residual_as_written(one.model)) + MIN_DIVISOR))
 
         f = min(f, best, key=both)
         fit = force.search.models.get(frozenset(f.effects))
@@ -231,33 +238,37 @@ class Witnesses:
         untold = set(f.model.plant.pars()) - {*force.search.r.names, *scaling(force.search.r.current)}
         model = model.with_parameters({n: v for n, v in f.model.parameters.items() if n in untold})
         stated = motion.stated([n for n, _ in fit.members], model)
-        less = stated is not None and mean_certainty(force.written_left(f.model), force.written_left(stated.model))
+        less = stated is not None and mean_certainty(
+            force.residual_as_written(f.model), force.residual_as_written(stated.model)
+        )
         if stated is None or less < self.criteria.certainty or self.rising(f, stated, self.criteria.tie):
             return f
         return min(f, stated, key=both)
 
     # ------------------------------------------------------------ rows of the tables
 
-    def told_percent(self, f: Fitted, left: Array | None) -> float | None:
+    def told_percent(self, f: FittedModel, left: Array | None) -> float | None:
         """Return `percent` of what a fit leaves (blocks,); not of effects where the base leaves less than the noise."""
         base = self.left(self.base) if f.effects else None
         return None if base is not None and float(np.mean(base)) < self.noise else self.percent(left)
 
-    def row(self, f: Fitted, left: Array | None) -> Rung:
-        """Return the row of a fit; ``left``: the mean squared force (blocks,) that it leaves of unseen data."""
+    def row(self, f: FittedModel, left: Array | None) -> LadderRow:
+        """Return the row of a fit; ``left``: the mean squared force (blocks,) that it leaves of validation data."""
         case, noise = self.case, np.array(list(self.case.noise.values()))
-        sides = ((case.problem, f.known_squares), (case.unseen, f.unseen_squares))
+        sides = ((case.problem, f.training_squares), (case.unseen, f.validation_squares))
         first, second = (Scores(of_windows(problem, squares, noise)) for problem, squares in sides)
-        return Rung(f.effects, first, second, self.told_percent(f, left), self.noise_percent if self.force else None)
+        return LadderRow(
+            f.effects, first, second, self.told_percent(f, left), self.noise_percent if self.force else None
+        )
 
     def first_rows(self) -> FirstRows:
         """Return the first rows."""
         given = self.row(self.motion.given, self.as_written(self.motion.given))
         return FirstRows(given, self.row(self.base, self.left(self.base)), self.case.horizon)
 
-    def rising(self, before: Fitted, after: Fitted, times: float) -> str:
+    def rising(self, before: FittedModel, after: FittedModel, times: float) -> str:
         """Return the channel whose printed error rises between models, by so many standard errors; empty if none."""
-        pairs = zip(self.case.problem.channels, before.unseen_squares.T, after.unseen_squares.T, strict=True)
+        pairs = zip(self.case.problem.channels, before.validation_squares.T, after.validation_squares.T, strict=True)
         return next((name for name, a, b in pairs if self.rises(a, b, times)), "")
 
     def rises(self, before: Array, after: Array, times: float) -> bool:
@@ -269,53 +280,53 @@ class Witnesses:
 
     # ------------------------------------------------------------ what counts as noise of the motion
 
-    def leaves_noise(self, f: Fitted) -> bool:
+    def leaves_noise(self, f: FittedModel) -> bool:
         """Tell whether a model leaves but noise: of a load that floats, and is held by a filter, over windows too."""
         return f.white and (not _floats(f) or self.near_noise(f))
 
-    def near_noise(self, f: Fitted) -> bool:
+    def near_noise(self, f: FittedModel) -> bool:
         """Tell whether a model predicts every channel to about its sensor's noise: completeness can be tested there."""
         return f.near(self.criteria.near)
 
-    def near_any_noise(self, f: Fitted) -> bool:
+    def near_any_noise(self, f: FittedModel) -> bool:
         """Tell whether a model is near the sensors' noise, or leaves noise and errs by about as much over the horizon,
-        of known and of unseen data: what is missing gathers, noise does not.
+        of known and of validation data: what is missing gathers, noise does not.
         """
         if self.near_noise(f):
             return True
         if not f.clean or _floats(f):
             return False
         own = self.criteria.near * np.maximum([one.over_noise for one in f.left], 1.0)
-        pairs = ((f.known_squares, self.case.problem.noise), (f.unseen_squares, self.case.unseen.noise))
+        pairs = ((f.training_squares, self.case.problem.noise), (f.validation_squares, self.case.unseen.noise))
         return all(bool(np.all(np.sqrt(np.nanmean(squares, axis=0)) < own * noise)) for squares, noise in pairs)
 
 
-def both_witnesses(
-    c: Case,
+def evidence_of(
+    c: Dataset,
     criteria: Criteria,
     tell: Tell,
     jobs: int | None = None,
     cancelled: Callable[[], bool] | None = None,
     seen: Seen | None = None,
-) -> Witnesses:
-    """Return both witnesses of a case, its inputs acting as the records show where the model leaves that to them; see
-    `Motion` for the arguments.
+) -> Evidence:
+    """Return both estimates of a case, its inputs acting as the records show where the model leaves that to them; see
+    `OutputErrorEstimator` for the arguments.
     """
-    motion = Motion(c.problem, c.unseen, criteria, jobs, tell, cancelled, seen)
-    force = force_witness(c, criteria, tell, seen)
+    motion = OutputErrorEstimator(c.problem, c.unseen, criteria, jobs, tell, cancelled, seen)
+    force = equation_error_of(c, criteria, tell, seen)
     if asks_hold(c):
         tell("how the input acts")
         found = with_hold(c, motion, force, criteria)
         if found is not None:
             c, motion = found
-            force = force_witness(c, criteria, tell, seen)
-    return Witnesses(c, motion, force)
+            force = equation_error_of(c, criteria, tell, seen)
+    return Evidence(c, motion, force)
 
 
 @one_thread
-def refitted(c: Case, tell: Tell | None = None, cancelled: Callable[[], bool] | None = None) -> Witnesses:
+def refitted_evidence(c: Dataset, tell: Tell | None = None, cancelled: Callable[[], bool] | None = None) -> Evidence:
     """Refit the base of a case and return what makes rows; ``tell`` of what is done, ``cancelled``: whether to stop."""
-    return both_witnesses(c, DEFAULT, tell or (lambda what: None), 1, cancelled).grounded()
+    return evidence_of(c, DEFAULT_CRITERIA, tell or (lambda what: None), 1, cancelled).grounded()
 
 
 def changes_effort(effect: type[Effect]) -> bool:
@@ -328,14 +339,23 @@ def _has(effect: type[Effect], *parts: str) -> bool:
     return any(getattr(effect, part) is not getattr(Effect, part) for part in parts)
 
 
-def _floats(f: Fitted) -> bool:
+def _floats(f: FittedModel) -> bool:
     return any(find_effect(name, "effects").floating for name in f.effects)
 
 
-def _orders(f: Fitted) -> list[float]:
+def _orders(f: FittedModel) -> list[float]:
     """Return the orders of the waves of a model."""
     uses = [(use, find_effect(use.type, "effects").periodic[:1]) for use in f.model.effects.values()]
     return [N for use, names in uses for name in names for N in np.atleast_1d(use.parameters[name]).tolist()]
 
 
-__all__ = ["HALF", "Seen", "Tell", "Witnesses", "both_witnesses", "changes_effort", "force_witness", "refitted"]
+__all__ = [
+    "HALF",
+    "Evidence",
+    "Seen",
+    "Tell",
+    "changes_effort",
+    "equation_error_of",
+    "evidence_of",
+    "refitted_evidence",
+]

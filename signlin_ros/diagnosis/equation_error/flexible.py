@@ -1,7 +1,7 @@
 """Whether anything is left that goes with the motion, whatever its law, or that changes along the record.
 
-A flexible regression, judged on unseen data; and forces whose size changes slowly, judged on blocks left out. Which
-one, and the weight of its ridge, is chosen by blocks of known data:
+A flexible regression, judged on validation data; and forces whose size changes slowly, judged on blocks left out. Which
+one, and the weight of its ridge, is chosen by blocks of training data:
 
 - a curve over the speed;
 - loads, dry and viscous friction that repeat along the way;
@@ -20,12 +20,18 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.signal import lfilter
 
-from signlin_ros.comparison.piece import Piece
-from signlin_ros.diagnosis.force.regression import TINY, Fit, Regression, Side, mean_certainty
-from signlin_ros.diagnosis.force.search import Search
+from signlin_ros.comparison.force_segment import ForceSegment
+from signlin_ros.diagnosis.equation_error.regression import (
+    MIN_DIVISOR,
+    Regression,
+    RegressionData,
+    RegressionFit,
+    mean_certainty,
+)
+from signlin_ros.diagnosis.equation_error.search import SubsetSearch
 
 Array = NDArray[np.float64]
-Columns = Callable[[Piece], Array]
+Columns = Callable[[ForceSegment], Array]
 """What gives the columns (K, n) of a piece."""
 FORCES: dict[str, Columns] = {
     "load": lambda p: np.ones_like(p.t),
@@ -36,25 +42,26 @@ FORCES: dict[str, Columns] = {
 
 FEATURES, WIDTHS = 160, (0.35, 0.8)
 """Random cosines, and how fine they are: inverse widths in standard deviations of a coordinate."""
-LAGS = (0.15, 1.0)
+MEMORY_TIMES = (0.15, 1.0)
 """Time constants in s of the past that counts."""
-BRISTLES = (0.002, 0.005, 0.01, 0.02, 0.04, 0.08, 0.15, 0.3)
+SLIP_WIDTHS = (0.002, 0.005, 0.01, 0.02, 0.04, 0.08, 0.15, 0.3)
 """Half widths of elements that slip, as parts of the travel."""
-KNOTS, SLOW = 6, 0.3
+SPEED_KNOTS, SLOWEST_QUANTILE = 6, 0.3
 """Knots of a curve over the speed, at quantiles of it, from this one on: slower, the direction may be lost in noise,
 and a curve would take what is lost of dry friction's corner for a law."""
 WEIGHTS = (1e-3, 1e-2, 1e-1, 1.0, 10.0)
 """Weights of the ridge that are tried,"""
-FOLDS = 5
+CURVE_FOLDS = 5
 """each on so many parts of the record, left out in turn."""
 CHANGES = (6, 24)
-"""Fewest and most splines of time that a size follows in a record, one for `APART` blocks and two reversals at most."""
-APART, HALF = 3, 0.5
+"""Fewest and most splines of time that a size follows in a record, one for `BLOCKS_PER_SPLINE` blocks and two
+reversals at most."""
+BLOCKS_PER_SPLINE, MIN_CHANGING_PART = 3, 0.5
 """Blocks that a spline function spans; part of what is left beyond the noise that such a change takes away."""
 
 
 class Curve(NamedTuple):
-    """What a flexible regression makes of the force that is left of unseen data.
+    """What a flexible regression makes of the force that is left of validation data.
 
     ``visible``: whether it surely takes a visible part away; ``percent`` of the effort (RMS) would be left then, inf
     where less than such a part is there; ``along``: which force repeats along the way, and how often, if that is it.
@@ -81,10 +88,14 @@ def _lagged(x: Array, step: float, tau: float) -> Array:
     return np.asarray(lfilter([a], [1.0, a - 1.0], x))
 
 
-def _coordinates(piece: Piece) -> Array:
+def _coordinates(piece: ForceSegment) -> Array:
     """Return what a force may go with (T, d); not the effort and acceleration of now: what is left has their noise."""
     v, step = piece.v, piece.step
-    past = [_lagged(v, step, LAGS[0]), _lagged(np.abs(v), step, LAGS[1]), _lagged(piece.effort_nearby, step, LAGS[0])]
+    past = [
+        _lagged(v, step, MEMORY_TIMES[0]),
+        _lagged(np.abs(v), step, MEMORY_TIMES[1]),
+        _lagged(piece.effort_nearby, step, MEMORY_TIMES[0]),
+    ]
     return np.column_stack([v, *([piece.q] if piece.position_measured else []), *past])
 
 
@@ -95,9 +106,9 @@ def _everything(r: Regression) -> Columns:
     rng = np.random.default_rng(0)
     W = rng.standard_normal((every.shape[1], FEATURES)) * np.repeat(WIDTHS, FEATURES // len(WIDTHS))
     phase = rng.uniform(0.0, 2 * np.pi, FEATURES)
-    widths = np.array(BRISTLES) * (r.known.travel + TINY)
+    widths = np.array(SLIP_WIDTHS) * (r.known.travel + MIN_DIVISOR)
 
-    def columns(piece: Piece) -> Array:
+    def columns(piece: ForceSegment) -> Array:
         Z = np.clip((_coordinates(piece) - mean) / spread, -3.0, 3.0)
         direction = np.sign(piece.v)[:, None]
         seen = [piece.seen(slipping(piece.q, widths) / widths)]
@@ -116,18 +127,18 @@ def _splines(x: Array, inner: Array) -> Array:
 def _over_speed(r: Regression) -> Columns:
     """Return splines of the size of the velocity, against the motion and with it; as they begin where it is slower."""
     speeds = np.abs(np.concatenate([p.v[p.kept] for p in r.known.pieces]))
-    inner = np.unique(np.quantile(speeds, np.linspace(SLOW, 1.0, KNOTS)))
+    inner = np.unique(np.quantile(speeds, np.linspace(SLOWEST_QUANTILE, 1.0, SPEED_KNOTS)))
 
-    def columns(piece: Piece) -> Array:
+    def columns(piece: ForceSegment) -> Array:
         curves = _splines(np.abs(piece.v), inner)
         return piece.seen(np.hstack([curves * piece.sign[:, None], curves]))
 
     return columns if inner.size > 1 else lambda piece: piece.seen(piece.sign[:, None])
 
 
-def _along_the_way(search: Search, left: Array) -> tuple[Columns | None, list[str]]:
-    """Return the waves of forces that repeat along the way, at the orders at which what is left (K,) of known data does
-    most, and what each is; None where the position was not measured, or travels too little.
+def _along_the_way(search: SubsetSearch, left: Array) -> tuple[Columns | None, list[str]]:
+    """Return the waves of forces that repeat along the way, at the orders at which what is left (K,) of training data
+    does most, and what each is; None where the position was not measured, or travels too little.
     """
     known, unit = search.r.known, search.r.model.plant.position_unit
     measured = all(p.position_measured for p in known.pieces)
@@ -137,7 +148,7 @@ def _along_the_way(search: Search, left: Array) -> tuple[Columns | None, list[st
         for N in search.waves.strongest(left * np.concatenate([force(p)[p.kept] for p in known.pieces]))
     ]
 
-    def columns(piece: Piece) -> Array:
+    def columns(piece: ForceSegment) -> Array:
         waving = [FORCES[n](piece) * f(N * piece.q) for n, N in waves for f in (np.sin, np.cos)]
         return piece.seen(np.column_stack(waving))
 
@@ -145,8 +156,10 @@ def _along_the_way(search: Search, left: Array) -> tuple[Columns | None, list[st
     return columns if waves else None, [f"{n} that repeats {how}" for (n, _), how in zip(waves, often, strict=True)]
 
 
-def _unseen_after(search: Search, fit: Fit) -> tuple[Array, str]:
-    """Return what a flexible regression leaves (K,) of unseen data, and which force repeats along the way, if any."""
+def _unseen_after(search: SubsetSearch, fit: RegressionFit) -> tuple[Array, str]:
+    """Return what a flexible regression leaves (K,) of validation data, and which force repeats along the way, if
+    any.
+    """
     r, (along, waves) = search.r, _along_the_way(search, fit.left)
     curves = [c for c in (along, _over_speed(r), _everything(r)) if c]
     known = [_scaled(r.known, c) for c in curves]
@@ -159,7 +172,7 @@ def _unseen_after(search: Search, fit: Fit) -> tuple[Array, str]:
     return np.asarray(fit.unseen - (V - centre) / scale @ theta), waves[most] if curves[k] is along else ""
 
 
-def _scaled(side: Side, columns: Columns) -> tuple[Array, Array, Array]:
+def _scaled(side: RegressionData, columns: Columns) -> tuple[Array, Array, Array]:
     """Return the columns (K, n) of a side, less their mean and over their spread, and both (n,)."""
     A = np.vstack([columns(p) for p in side.pieces])
     centre, scale = A.mean(axis=0), A.std(axis=0) + 1e-12
@@ -172,9 +185,9 @@ def _ridge(A: Array, y: Array, weight: float) -> Array:
 
 def _chosen(A: Array, y: Array, blocks: NDArray[np.intp]) -> tuple[float, float]:
     """Return the squared error of blocks of time that a ridge was not fitted to, and its weight: the best of them."""
-    fold = blocks * FOLDS // (int(blocks.max()) + 1)
+    fold = blocks * CURVE_FOLDS // (int(blocks.max()) + 1)
     errors = np.zeros(len(WEIGHTS))
-    for out in (fold == k for k in range(FOLDS)):
+    for out in (fold == k for k in range(CURVE_FOLDS)):
         if not out.any() or out.all():
             continue
         values, vectors = np.linalg.eigh(A[~out].T @ A[~out])
@@ -184,50 +197,50 @@ def _chosen(A: Array, y: Array, blocks: NDArray[np.intp]) -> tuple[float, float]
     return min(zip(errors.tolist(), WEIGHTS, strict=True))
 
 
-def structured(search: Search, fit: Fit) -> Curve:
-    """Return what a flexible regression makes of what a fit leaves of unseen data."""
+def structured(search: SubsetSearch, fit: RegressionFit) -> Curve:
+    """Return what a flexible regression makes of what a fit leaves of validation data."""
     r, c = search.r, search.r.criteria
     visible = c.flexible_share * search.base.error
     if fit.error <= visible:
         return Curve(False, np.inf)
     left, along = _unseen_after(search, fit)
-    flexible = Fit((("flexible", ()),), fit.theta, fit.left, lambda: left)
+    flexible = RegressionFit((("flexible", ()),), fit.theta, fit.left, lambda: left)
     large = fit.error - flexible.error > visible
     return Curve(large and r.surely(flexible, fit) > c.flexible, r.percent(flexible), along)
 
 
 def changing(r: Regression, left: Array, own: Mapping[str, Columns] | None = None) -> str:
-    """Return which force changes slowly along the unseen records, and by its change is most of what is left (K,) beyond
-    the sensors' noise; empty if none does. Each block of time is predicted from those around it. ``own``: forces (T,)
-    of what is proposed, by their names.
+    """Return which force changes slowly along the validation data, and by its change is most of what is left (K,)
+    beyond the sensors' noise; empty if none does. Each block of time is predicted from those around it. ``own``:
+    forces (T,) of what is proposed, by their names.
     """
     unseen, found = r.unseen, dict[float, str]()
     beyond = float(np.mean(left**2)) - unseen.noise
     for name, kind in {**FORCES, **(own or {})}.items():
         whole = np.concatenate([p.seen(kind(p)) for p in unseen.pieces])
-        steady = left - whole * float(whole @ left) / max(float(whole @ whole), TINY)
+        steady = left - whole * float(whole @ left) / max(float(whole @ whole), MIN_DIVISOR)
         pairs = zip(unseen.pieces, unseen.split(steady), strict=True)
         after = np.concatenate([_changed(p, part, kind(p)) for p, part in pairs])
         gone = float(np.mean(steady**2) - np.mean(after**2))
         sure = mean_certainty(unseen.by_block(steady), unseen.by_block(after)) > r.criteria.flexible
-        if gone > HALF * beyond and sure:
+        if gone > MIN_CHANGING_PART * beyond and sure:
             found[gone] = name
     return found[max(found)] if found else ""
 
 
-def _changed(piece: Piece, left: Array, force: Array) -> Array:
+def _changed(piece: ForceSegment, left: Array, force: Array) -> Array:
     """Return what is left (K,) after a force whose size is a spline of time, each block predicted from the others; all
     of it where the motion comes back too rarely: what changes with time is then not told from what goes with it.
     """
-    reversals = int(np.count_nonzero(np.diff(np.sign(piece.sign[np.abs(piece.sign) > HALF]))))
-    number = min((int(piece.blocks.max()) + 1) // APART, reversals // 2, CHANGES[1])
+    reversals = int(np.count_nonzero(np.diff(np.sign(piece.sign[np.abs(piece.sign) > MIN_CHANGING_PART]))))
+    number = min((int(piece.blocks.max()) + 1) // BLOCKS_PER_SPLINE, reversals // 2, CHANGES[1])
     if number < CHANGES[0]:
         return np.array(left)
-    of_time = _splines(piece.t / max(float(piece.t[-1]), TINY), np.linspace(0.0, 1.0, number - 2))
+    of_time = _splines(piece.t / max(float(piece.t[-1]), MIN_DIVISOR), np.linspace(0.0, 1.0, number - 2))
     A = piece.seen(of_time * force[:, None])
-    A = A / (A.std() + TINY)
-    weight, fold, after = _chosen(A, left, piece.blocks)[1], piece.blocks % (FOLDS - 1), left.copy()
-    for out in (fold == k for k in range(FOLDS - 1)):
+    A = A / (A.std() + MIN_DIVISOR)
+    weight, fold, after = _chosen(A, left, piece.blocks)[1], piece.blocks % (CURVE_FOLDS - 1), left.copy()
+    for out in (fold == k for k in range(CURVE_FOLDS - 1)):
         if out.any() and not out.all():
             after[out] = left[out] - A[out] @ _ridge(A[~out], left[~out], weight)
     return np.asarray(after)

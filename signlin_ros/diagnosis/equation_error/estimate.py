@@ -1,4 +1,4 @@
-"""What the force witness says of a model and its records."""
+"""What the equation-error estimate says of a model and its records."""
 
 from __future__ import annotations
 
@@ -10,20 +10,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.comparison.equations import inertia
-from signlin_ros.comparison.piece import Piece, best_cutoff, effort_gain, piece, stamped
-from signlin_ros.diagnosis.criteria import DEFAULT, Criteria
-from signlin_ros.diagnosis.force.flexible import Curve, structured
-from signlin_ros.diagnosis.force.laws import grid, laws
-from signlin_ros.diagnosis.force.regression import TINY, Fit, Regression, Side, base_of
-from signlin_ros.diagnosis.force.search import Search
-from signlin_ros.diagnosis.motion.trials import free_key
+from signlin_ros.comparison.force_segment import ForceSegment, best_cutoff, effort_gain, force_segment, stamped
+from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA, Criteria
+from signlin_ros.diagnosis.equation_error.flexible import Curve, structured
+from signlin_ros.diagnosis.equation_error.laws import grid, laws
+from signlin_ros.diagnosis.equation_error.regression import (
+    MIN_DIVISOR,
+    Regression,
+    RegressionData,
+    RegressionFit,
+    base_of,
+)
+from signlin_ros.diagnosis.equation_error.search import SubsetSearch
+from signlin_ros.diagnosis.output_error.trials import free_key
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.model import Model
 from signlin_ros.scale import Scale
 
 Array = NDArray[np.float64]
 
-LATE = 0.5
+MAX_EFFORT_DELAY = 0.5
 """Samples by which the effort may be late; of an imposed motion lateness is what presliding looks like."""
 WIDEST = 0.12
 """Part of the rate at which laws are driven above which no band is tried."""
@@ -32,14 +38,14 @@ BROADER = 1.2
 
 
 @dataclass(frozen=True, eq=False)
-class Testimony:
+class EquationErrorResult:
     """What was found: ``search``, all sets of laws that were fitted, and a ``flexible`` curve beside the best."""
 
-    search: Search
+    search: SubsetSearch
     flexible: Curve
 
     @property
-    def fit(self) -> Fit:
+    def fit(self) -> RegressionFit:
         """The chosen set."""
         return self.search.chosen
 
@@ -48,24 +54,24 @@ class Testimony:
         """Its names, in the order in which they were found."""
         return tuple(n for n, _ in self.fit.members)
 
-    def percent(self, fit: Fit | None = None) -> float:
-        """Return the force left of unseen data in per cent of the effort."""
+    def percent(self, fit: RegressionFit | None = None) -> float:
+        """Return the force left of validation data in per cent of the effort."""
         return self.search.r.percent(fit or self.fit)
 
-    def written_left(self, model: Model, known: bool = False) -> Array:
-        """Return the squared force (blocks,) that a model as written leaves of unseen data, or of ``known`` ones, at
-        the effort as given.
+    def residual_as_written(self, model: Model, known: bool = False) -> Array:
+        """Return the squared force (blocks,) that a model as written leaves of validation data, or of ``known`` ones,
+        at the effort as given.
         """
         r = self.search.r
         side = r.known if known else r.unseen
         left = side.missing(model) * effort_gain(r.model, r.current) / effort_gain(model, r.current)
         return side.by_block(stamped(left, side.X[:, -1]))
 
-    def values(self, fit: Fit, name: str) -> dict[str, float]:
+    def values(self, fit: RegressionFit, name: str) -> dict[str, float]:
         """Return the parameters of a law as a fit has them."""
         return self.search.r.laws[name].parameters(dict(fit.members)[name], fit.theta[fit.spans[name]])
 
-    def with_laws(self, fit: Fit) -> Model:
+    def with_laws(self, fit: RegressionFit) -> Model:
         """Return the model with the laws of a fit, all values as found there."""
         r, model = self.search.r, self.search.r.model
         for name, _ in fit.members:
@@ -74,17 +80,19 @@ class Testimony:
         return model.with_parameters({n: model.value(n) * (1 + theta) for n, theta in moved if n in model.parameters})
 
 
-def hear(known: Problem, unseen: Problem, criteria: Criteria = DEFAULT) -> Testimony:
-    """Ask the force witness. The quiet band first, a wider one where nothing is found in it."""
+def estimate_equation_error(
+    known: Problem, unseen: Problem, criteria: Criteria = DEFAULT_CRITERIA
+) -> EquationErrorResult:
+    """Ask the equation-error estimate. The quiet band first, a wider one where nothing is found in it."""
     model = known.base
 
-    def below(cutoff: float) -> Testimony:
-        first, second = ([piece(model, part, cutoff) for part in side.parts] for side in (known, unseen))
+    def below(cutoff: float) -> EquationErrorResult:
+        first, second = ([force_segment(model, part, cutoff) for part in side.parts] for side in (known, unseen))
         r = _regression(model, first, second, known.turns, criteria)
         scale = _scale_of(model, first)
-        search = Search(r, known.turns, {n: grid(law, scale) for n, law in r.laws.items()})
+        search = SubsetSearch(r, known.turns, {n: grid(law, scale) for n, law in r.laws.items()})
         search.run()
-        return Testimony(search, structured(search, search.chosen))
+        return EquationErrorResult(search, structured(search, search.chosen))
 
     cutoff = best_cutoff(model, known.parts, criteria.noise)
     first = below(cutoff)
@@ -97,12 +105,12 @@ def hear(known: Problem, unseen: Problem, criteria: Criteria = DEFAULT) -> Testi
 
 
 def _regression(
-    model: Model, known: Sequence[Piece], unseen: Sequence[Piece], rotary: bool, criteria: Criteria
+    model: Model, known: Sequence[ForceSegment], unseen: Sequence[ForceSegment], rotary: bool, criteria: Criteria
 ) -> Regression:
     """Return both sides, the base parameters that change the missing force at all, and the laws that may be missing."""
     current = "current" in model.states and "current" in known[0].values
-    base = {**base_of(model, current), "timing": TINY if model.plant.motion_is_imposed() else LATE}
-    first, second = (Side.of(model, pieces, list(base)[:-1]) for pieces in (known, unseen))
+    base = {**base_of(model, current), "timing": MIN_DIVISOR if model.plant.motion_is_imposed() else MAX_EFFORT_DELAY}
+    first, second = (RegressionData.of(model, pieces, list(base)[:-1]) for pieces in (known, unseen))
     found = laws(model, rotary or first.travel >= criteria.once * 2 * np.pi, known[0].position_measured)
     tells = np.any(first.X != 0.0, axis=0)
     tells[-1] = True
@@ -111,8 +119,8 @@ def _regression(
     return Regression(model, found, first, second, names, spread, criteria, current)
 
 
-def _scale_of(model: Model, pieces: Sequence[Piece]) -> Scale:
-    """Return how large things are in the band of the force witness: its laws start from there."""
+def _scale_of(model: Model, pieces: Sequence[ForceSegment]) -> Scale:
+    """Return how large things are in the band of the equation-error estimate: its laws start from there."""
 
     def rms(values: Iterable[Array]) -> float:
         return float(np.sqrt(np.mean(np.concatenate([*values]) ** 2))) or 1.0
@@ -126,4 +134,4 @@ def _scale_of(model: Model, pieces: Sequence[Piece]) -> Scale:
     return Scale(*sizes, pieces[0].step, max(float(p.t[-1]) for p in pieces), inertia(model))
 
 
-__all__ = ["Testimony", "hear"]
+__all__ = ["EquationErrorResult", "estimate_equation_error"]

@@ -6,26 +6,26 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from signlin_ros.diagnosis import closed_loop, words
-from signlin_ros.diagnosis.judgement import REASONS, Judgement
-from signlin_ros.diagnosis.motion import Fitted
-from signlin_ros.diagnosis.motion.fitted import held
+from signlin_ros.diagnosis import closed_loop, messages
+from signlin_ros.diagnosis.evidence import WHOLE_EFFORT
+from signlin_ros.diagnosis.output_error import FittedModel
+from signlin_ros.diagnosis.output_error.fitted import held
 from signlin_ros.diagnosis.proposal import rounded, yaml_of
-from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate, listed
+from signlin_ros.diagnosis.results import Diagnosis, ParameterEstimate, RankingEntry, listed
 from signlin_ros.diagnosis.rivals import rivals
-from signlin_ros.diagnosis.witnesses import ALL
+from signlin_ros.diagnosis.verdict import REASONS, Verdict
 from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.errors import InputError
 
 
-def told(j: Judgement) -> Diagnosis:
+def summary_of(j: Verdict) -> Diagnosis:
     """Return the diagnosis that a judgement amounts to."""
-    w, case = j.witnesses, j.case
+    w, case = j.evidence, j.case
     ladder, ranking = tuple(w.row(f, j.left(f)) for f in j.steps), _ranking(j)
     model = rounded(j.final.model, j.final.parameters)
     return Diagnosis(
         verdict=j.verdict,
-        sentence=words.sentence(j),
+        sentence=messages.sentence(j),
         base=_parameters(j, j.base),
         parameters=_parameters(j, j.final),
         ranking=ranking,
@@ -34,7 +34,7 @@ def told(j: Judgement) -> Diagnosis:
         range=dict(case.problem.ranges),
         noise=case.noise,
         experiments=_experiments(j, ranking),
-        notes=(*case.problem.notes, *case.unseen.notes, *words.remarks(j), *closed_loop.remarks(j)),
+        notes=(*case.problem.notes, *case.unseen.notes, *messages.remarks(j), *closed_loop.remarks(j)),
         yaml=yaml_of(model, j),
         given=w.first_rows().given,
         horizon=case.horizon,
@@ -44,45 +44,45 @@ def told(j: Judgement) -> Diagnosis:
     )
 
 
-def _parameters(j: Judgement, f: Fitted) -> dict[str, Estimate]:
+def _parameters(j: Verdict, f: FittedModel) -> dict[str, ParameterEstimate]:
     """Return the parameters of a fit; with those that are held at what the force tells."""
-    return (held(j.motion.problem, f.model, f.parameters) if j.witnesses.contradicted else {}) | f.parameters
+    return (held(j.motion.problem, f.model, f.parameters) if j.evidence.contradicted else {}) | f.parameters
 
 
 # -------------------------------------------------------------------- ranking
 
 
-def _ranking(j: Judgement) -> tuple[Entry, ...]:
+def _ranking(j: Verdict) -> tuple[RankingEntry, ...]:
     """Return every effect that competed, what is proposed first, with its status and why; then what does not apply."""
-    single, laws = {f.effects[0]: f for f in j.witnesses.single}, j.witnesses.laws
+    single, laws = {f.effects[0]: f for f in j.evidence.single}, j.evidence.laws
     ties = {e: _ties(j, e) for e in j.names}
     tied = {t: e for e, names in ties.items() for t in names}
-    others, absent = list[Entry](), list[Entry]()
+    others, absent = list[RankingEntry](), list[RankingEntry]()
     for name in (n for n in EFFECTS if n not in j.names):
         if name in j.dropped:
-            others.append(Entry(name, "rejected", why=j.dropped[name]))
+            others.append(RankingEntry(name, "rejected", why=j.dropped[name]))
         elif name in single:
             others.append(_other(j, name, single[name]))
         elif name in laws:
             others.append(_by_force(j, name))
         elif not _applies(j, name):
-            absent.append(Entry(name, "not_applicable", why=f"does not apply to {j.case.model.plant.name}"))
+            absent.append(RankingEntry(name, "not_applicable", why=f"does not apply to {j.case.model.plant.name}"))
     others = [_beside(e, tied[e.effect]) if e.effect in tied else e for e in others]
     levels = dict.fromkeys(tied, 0.0) | {name: f.level for name, f in single.items()}
     others.sort(key=lambda e: (e.status != "ambiguous", levels.get(e.effect, math.inf)))
     return (*(_named(j, e, ties[e]) for e in j.names), *others, *absent)
 
 
-def _applies(j: Judgement, name: str) -> bool:
+def _applies(j: Verdict, name: str) -> bool:
     try:
         return j.case.model.with_effect(name, "tried").states is not None  # tracing tells
     except InputError:
         return False
 
 
-def _ties(j: Judgement, effect: str) -> tuple[str, ...]:
+def _ties(j: Verdict, effect: str) -> tuple[str, ...]:
     """Return what is as good in the place of an effect, by force or motion, refused by neither, and leaves no more."""
-    w, force, rest, found = j.witnesses, j.witnesses.force, set(j.names) - {effect}, set[str]()
+    w, force, rest, found = j.evidence, j.evidence.force, set(j.names) - {effect}, set[str]()
     if force and set(force.effects) == set(j.names):
         found |= set(force.search.ties(force.fit, effect))
     for f in w.tried:
@@ -97,15 +97,15 @@ def _ties(j: Judgement, effect: str) -> tuple[str, ...]:
     return tuple(sorted(found - set(j.names)))
 
 
-def _named(j: Judgement, effect: str, ties: tuple[str, ...]) -> Entry:
+def _named(j: Verdict, effect: str, ties: tuple[str, ...]) -> RankingEntry:
     """Return the entry of an effect that is proposed."""
     once = j.unexplained == "once" and effect in j.remembers
     once |= j.unexplained == "loop" and effect == j.loop
     status = "ambiguous" if once or any(not _richer(t, effect) for t in ties) else "confirmed"
     if j.refused or (j.unexplained and REASONS[j.unexplained].rejects):
         status = "rejected"
-    own, why = words.own_parameters(j.final, effect), words.why_named(j, effect)
-    return Entry(effect, status, own, j.witnesses.row(j.final, None).validation, ties, why)
+    own, why = messages.own_parameters(j.final, effect), messages.why_named(j, effect)
+    return RankingEntry(effect, status, own, j.evidence.row(j.final, None).validation, ties, why)
 
 
 def _richer(a: str, b: str) -> bool:
@@ -114,32 +114,36 @@ def _richer(a: str, b: str) -> bool:
     return bool(first.family) and first.family == second.family
 
 
-def _other(j: Judgement, name: str, f: Fitted) -> Entry:
+def _other(j: Verdict, name: str, f: FittedModel) -> RankingEntry:
     """Return the entry of an effect that was fitted out by itself."""
     beyond = find_effect(name, "effects").only_beyond and j.motion.refused(j.base, f)
-    status, own = "not_excited" if beyond else "rejected", words.own_parameters(f, name)
-    return Entry(name, status, own, j.witnesses.row(f, None).validation, why=words.why_not(j, f))
+    status, own = "not_excited" if beyond else "rejected", messages.own_parameters(f, name)
+    return RankingEntry(name, status, own, j.evidence.row(f, None).validation, why=messages.why_not(j, f))
 
 
-def _by_force(j: Judgement, name: str) -> Entry:
-    """Return the entry of an effect that only the force witness tried."""
-    w, force = j.witnesses, j.witnesses.force
+def _by_force(j: Verdict, name: str) -> RankingEntry:
+    """Return the entry of an effect that only the equation-error estimate tried."""
+    w, force = j.evidence, j.evidence.force
     assert force is not None  # noqa: S101  it tried the effect
     a, b = j.percent_of(j.base) or force.percent(force.search.base), force.percent(w.laws[name])
-    told = f"{b:.3g} %" if b <= ALL else "more than all"
-    why = f"by the force it would leave {told} {w.of_effort} on unseen data, the model without it {a:.3g} %"
+    summary_of = f"{b:.3g} %" if b <= WHOLE_EFFORT else "more than all"
+    why = f"by the force it would leave {summary_of} {w.of_effort} on validation data, the model without it {a:.3g} %"
     unseen = find_effect(name, "effects").only_beyond and b > (1.0 - j.criteria.alike) * a
-    return Entry(name, "not_excited", why=f"{why}{_beyond(j)}") if unseen else Entry(name, "rejected", why=why)
+    return (
+        RankingEntry(name, "not_excited", why=f"{why}{_beyond(j)}")
+        if unseen
+        else RankingEntry(name, "rejected", why=why)
+    )
 
 
-def _beside(e: Entry, tied: str) -> Entry:
+def _beside(e: RankingEntry, tied: str) -> RankingEntry:
     """Return the entry of what is as good as an effect that is named."""
-    why, richer = f"as good on unseen data as {listed([tied])}", _richer(e.effect, tied)
+    why, richer = f"as good on validation data as {listed([tied])}", _richer(e.effect, tied)
     status, why = ("rejected", f"{why}, which is the simpler law") if richer else ("ambiguous", why)
     return replace(e, status=status, indistinguishable_from=(tied,), why=why)
 
 
-def _beyond(j: Judgement) -> str:
+def _beyond(j: Verdict) -> str:
     """Return between which positions the records tell of what shows only beyond them."""
     problem, plant = j.case.problem, j.case.model.plant
     if plant.position not in problem.ranges:
@@ -149,7 +153,7 @@ def _beyond(j: Judgement) -> str:
     return f"; the records move from {low:.3g} to {high:.3g} {unit}: it may act beyond"
 
 
-def _experiments(j: Judgement, ranking: Sequence[Entry]) -> tuple[str, ...]:
+def _experiments(j: Verdict, ranking: Sequence[RankingEntry]) -> tuple[str, ...]:
     """Return what to record to decide between what ties, and to see what this record cannot show."""
     asked = {tie: "to decide on" for e in ranking if e.effect in j.names for tie in e.indistinguishable_from}
     asked |= {e.effect: "to see" for e in ranking if e.status == "not_excited" and e.effect not in asked}
@@ -158,4 +162,4 @@ def _experiments(j: Judgement, ranking: Sequence[Entry]) -> tuple[str, ...]:
     return (*found, *closed_loop.experiments(j))
 
 
-__all__ = ["told"]
+__all__ = ["summary_of"]
