@@ -4,6 +4,6 @@ from __future__ import annotations
 
 from signlin_ros.lazy import exports
 
-_NAMES = {"Estimate": "observer", "KalmanObserver": "observer", "observed_states": "observer"}
+_NAMES = {"StateEstimate": "observer", "KalmanObserver": "observer", "observed_states": "observer"}
 __getattr__, __dir__ = exports(__name__, _NAMES)
-__all__ = ["Estimate", "KalmanObserver", "observed_states"]
+__all__ = ["StateEstimate", "KalmanObserver", "observed_states"]

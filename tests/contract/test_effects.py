@@ -90,6 +90,11 @@ class Acting:
             R_a = effect.resistance(self.m, self.own(effect, key, self.values), p, R_a)
         return R_a
 
+    def input(self, value):
+        for effect, _, p in self.uses:
+            value = effect.input(self.m, value, p)
+        return value
+
     def force(self, drive, elastic):
         def total(external):
             return sum(
@@ -118,8 +123,8 @@ def by_numpy(model, x, u):
     inputs = dict(zip(model.inputs, u, strict=True))
     coordinates.temperature = inputs.get("temperature", 0.0)
     first = model.inputs[0]
-    for effect, _, p in act.uses:
-        inputs[first] = effect.input(act.m, inputs[first], p)
+    if not plant.closed_loop:  # there they act on the error of the loop, which the plant forms
+        inputs[first] = act.input(inputs[first])
     rates = dict(plant.rates(act.m, coordinates, Namespace(inputs), Namespace(model.parameters), act))
     for effect, key, p in act.uses:
         own = effect.rates(act.m, act.own(effect, key, values), p)
