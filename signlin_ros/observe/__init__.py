@@ -6,4 +6,4 @@ from signlin_ros.lazy import exports
 
 _NAMES = {"StateEstimate": "observer", "KalmanObserver": "observer", "observed_states": "observer"}
 __getattr__, __dir__ = exports(__name__, _NAMES)
-__all__ = ["StateEstimate", "KalmanObserver", "observed_states"]
+__all__ = ["KalmanObserver", "StateEstimate", "observed_states"]
