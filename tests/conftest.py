@@ -113,3 +113,17 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
                 spent[_folder(HERE.parent / report.location[0])] += dict(report.user_properties).get(SPENT, 0.0)
     told = ", ".join(f"{folder} {seconds:.0f} s" for folder, seconds in sorted(spent.items()))
     terminalreporter.write_line(f"{SPENT}: {told or 'none'}")
+
+
+# -------------------------------------------------------------------- what a test must not leave behind
+
+
+@pytest.fixture(autouse=True)
+def catalogue_as_it_was() -> Iterator[None]:
+    """Effects that a test registers from a file of its own do not compete in the diagnoses of other tests."""
+    from signlin_ros.effects import EFFECTS
+
+    before = dict(EFFECTS)
+    yield
+    for name in EFFECTS.keys() - before.keys():
+        del EFFECTS[name]

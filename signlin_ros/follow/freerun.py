@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from signlin_ros.errors import SimulationError
+from signlin_ros.follow.data import cut
 from signlin_ros.follow.tracking import Tracker, mean, mean_square
 from signlin_ros.model import Model
 from signlin_ros.simulation import simulate
@@ -57,7 +58,7 @@ def fitted_start(tracker: Tracker, start: Array, reach: Array, noise: Array, sam
     """
     part = slice(0, samples)
     t, u, y = tracker.t[part], tracker.u[part], tracker.y[part]
-    short = Tracker(tracker.model, t, u, y, tracker.channels, tracker.scale, tracker.early)
+    short = Tracker(tracker.model, t, u, y, tracker.channels, tracker.scale, cut(tracker.early, part))
     unit = np.maximum(noise, 1e-6 * np.sqrt(_variances(short)))
 
     def errors(shift: Array) -> Array:

@@ -14,8 +14,9 @@ def use(args: Mapping[str, Any], say: Callable[[dict[str, Any]], None]) -> dict[
     from signlin_ros.export import export
     from signlin_ros.guard import check_records
 
+    model = opened(args["model"])
     say({"what": f"writing for {args['target']} and running it there", "share": 0.2})
-    model, records = load_records(opened(args["model"]), list(args["data"]), args.get("signals") or {})
+    model, records = load_records(model, list(args["data"]), args.get("signals") or {})
     found, _ = check_records(model, list(records), tuple(args.get("cures") or ()), validated=False)
     return {"json": export(model, str(args["target"]), str(args["output"]), found[0]).content()}
 

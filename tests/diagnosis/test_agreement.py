@@ -16,7 +16,8 @@ import numpy as np
 import pytest
 
 from signlin_ros.console.comparison import _named
-from signlin_ros.diagnosis import messages, selection, single_laws, summary, verdict
+from signlin_ros.diagnosis import messages, selection, single_laws, summary
+from signlin_ros.diagnosis import verdict as verdict_module
 from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA
 from signlin_ros.diagnosis.dataset import Dataset
 from signlin_ros.diagnosis.equation_error.flexible import Curve
@@ -334,8 +335,8 @@ def judged(final: Fit, base: Fit = BASE, force: Any = None, conflict: str = "", 
 @pytest.fixture(autouse=True)
 def no_sign_is_wrong(monkeypatch):
     monkeypatch.setattr(Dataset, "noise", property(lambda self: dict.fromkeys(self.problem.channels, NOISE)))
-    monkeypatch.setattr(verdict, "reversed_signal", lambda problem, base, final: "")
-    monkeypatch.setattr(verdict, "changing", lambda r, left, own: "")
+    monkeypatch.setattr(verdict_module, "reversed_signal", lambda problem, base, final: "")
+    monkeypatch.setattr(verdict_module, "changing", lambda r, left, own: "")
     monkeypatch.setattr(Verdict, "same_at_nominal", False)
 
 
@@ -411,9 +412,9 @@ def test_what_unseen_data_do_not_tell_of_is_not_stood_for_where_nothing_is_missi
     """A spring with 0.24 % of the effort left was "unexplained", for a hysteresis that one reversal does not tell."""
     monkeypatch.setattr(Verdict, "no_better", True)
     noise, hysteresis = Fit((), (NOISE,), 0.01, white=True), Fit(("dahl_presliding",), (NOISE,), 0.01, white=True)
-    found = verdict.verdict_of(both(Motion(noise), sees(), noise, hysteresis), hysteresis)
+    found = verdict_module.verdict_of(both(Motion(noise), sees(), noise, hysteresis), hysteresis)
     assert (found.verdict, found.final, found.untold) == ("adequate", noise, "given")
-    found = verdict.verdict_of(both(Motion(BASE), None, BASE, COULOMB), COULOMB)
+    found = verdict_module.verdict_of(both(Motion(BASE), None, BASE, COULOMB), COULOMB)
     assert (found.verdict, found.final, found.untold) == ("unexplained", COULOMB, "")
 
 
@@ -422,13 +423,13 @@ def test_a_part_of_the_sensors_noise_has_no_name(error, verdict):
     """A pendulum whose encoder has steps of a degree: a wave and an offset took 4 % of their size away."""
     noise = Fit((), (0.99 * NOISE,), 0.011)
     waves = Fit(("cogging_torque", "sensor_offset"), (error * 0.99 * NOISE,), 0.011, white=True)
-    found = verdict.verdict_of(both(Motion(noise), sees(), noise, waves), waves)
+    found = verdict_module.verdict_of(both(Motion(noise), sees(), noise, waves), waves)
     assert found.verdict == verdict
     assert found.final is (noise if verdict == "adequate" else waves)
 
 
 def test_a_force_that_changes_along_the_record_is_told(monkeypatch):
-    monkeypatch.setattr(verdict, "changing", lambda r, left, own: "dry friction")
+    monkeypatch.setattr(verdict_module, "changing", lambda r, left, own: "dry friction")
     assert judged(COULOMB, force=sees()).unexplained == "structure"
 
 
@@ -500,7 +501,7 @@ def test_a_loop_that_leaves_more_than_a_quarter_of_the_effort_is_one_of_its_fami
     percent, changing, told, monkeypatch
 ):
     """Two cyclic tests were said to lack Dahl's law with 29 and 38 % of the effort left."""
-    monkeypatch.setattr(verdict, "changing", lambda r, left, own: changing)
+    monkeypatch.setattr(verdict_module, "changing", lambda r, left, own: changing)
     monkeypatch.setattr(Dataset, "seldom", property(lambda self: False))
     base, left = Fit((), (3.0,), 0.9 * EFFORT), percent / 100.0 * EFFORT
     final = Fit(("dahl_presliding",), (0.5,), left)
@@ -590,7 +591,7 @@ def test_noise_has_a_size_of_its_own_in_every_record():
 
 
 def test_a_sign_that_is_wrong_goes_before_everything(monkeypatch):
-    monkeypatch.setattr(verdict, "reversed_signal", lambda problem, base, final: "speed")
+    monkeypatch.setattr(verdict_module, "reversed_signal", lambda problem, base, final: "speed")
     found = judged(COULOMB, force=sees())
     assert found.unexplained == "reversed"
     assert "the sign of speed reversed" in messages.sentence(found)
@@ -961,7 +962,9 @@ def test_a_richer_law_of_an_imposed_force_takes_half_of_what_is_left(rms, taken,
     """Presliding of a damper: 3.1 standard errors, half of the squared error, the same within the low-pass."""
     base, found = Fit((), (3.0,), 2.0), Fit(("coulomb_friction",), (1.0,), 1.0)
     richer = Fit(("dahl_presliding",), (rms,), taken)
-    object.__setattr__(richer, "vague", lambda criteria: "" if known else "sigma is not known to better than half")
+    object.__setattr__(
+        richer, "insignificant", lambda criteria: "" if known else "sigma is not known to better than half"
+    )
     object.__setattr__(richer, "level", 0.0)
     motion, force = Motion(base, imposed=True), force_witness(*LAWS)
     motion.alike = lambda before, options: []
@@ -975,7 +978,7 @@ def test_what_the_force_takes_for_as_good_the_motion_decides_where_it_is_imposed
     base, found = Fit((), (5.0,), 2.0), Fit(("coulomb_friction",), (1.0,), 1.0)
     other = Fit(("bouc_wen_hysteresis",), (rms,), 0.9)
     for f in (found, other):
-        object.__setattr__(f, "vague", lambda criteria: "")
+        object.__setattr__(f, "insignificant", lambda criteria: "")
         object.__setattr__(f, "level", 0.0)
     motion, force = Motion(base, imposed=True), force_witness(*LAWS)
     motion.alike, motion.fitted = (lambda before, options: []), (lambda names, model: other)

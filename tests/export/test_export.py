@@ -92,7 +92,7 @@ def test_text_says_what_is_held_lost_and_how_much(run, tmp_path):
         (("dc_motor", "--to", "mjfc", "-o", "m.xml"), "did you mean 'mjcf'?"),
         (("dc_motor", "--to", "c", "-o", "m.xml"), ".c"),
         (("force_element", "--to", "mjcf", "-o", "m.xml"), "imposed"),
-        ((SMALL_ARM, "--to", "c", "-o", "m.c"), "one moving mass"),
+        ((SMALL_ARM, "--to", "c", "-o", "m.c"), "does not take an arm"),
         (("dc_motor", "--to", "c", "-o", "no/such/folder/m.c"), "no"),
     ],
 )

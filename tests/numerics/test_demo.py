@@ -20,14 +20,14 @@ from signlin_ros.simulation import Trajectory, simulate
 
 @pytest.fixture(scope="module")
 def run() -> Trajectory:
-    t = np.arange(int(3 * demo.RATE) + 1) / demo.RATE
+    t = np.arange(int(3 * demo.PUBLISH_RATE) + 1) / demo.PUBLISH_RATE
     u = np.where((t // 0.7) % 2 < 1, 2.0, -2.0)[:, None]
     return simulate(Model.load("dc_motor"), t, u)
 
 
 def as_heard(run: Trajectory, keep: Any, rng: Any) -> Any:
     """The run as a listener gets it: each state late by up to half a step, with the input that led to it."""
-    late = rng.uniform(0.0, 0.5 / demo.RATE, run.t.size)[keep]
+    late = rng.uniform(0.0, 0.5 / demo.PUBLISH_RATE, run.t.size)[keep]
     t = run.t[keep] + late - late[0]
     led = np.vstack([run.u[:1], run.u[:-1]])[keep]
     return SimpleNamespace(t=t, x=run.x[keep], u_t=t - 1e-4, u=led)
@@ -48,7 +48,7 @@ def test_the_grid_of_the_plant_is_found_in_late_stamps(run: Trajectory) -> None:
 
 def test_a_linear_prediction_is_the_piecewise_simulation(run: Trajectory) -> None:
     model = Model.load("dc_motor")
-    record, part = demo.Record(run.t, run.x, run.u), slice(20, 61)
+    record, part = demo.DemoRecord(run.t, run.x, run.u), slice(20, 61)
     lin = Linearizer(model)(run.x[20], run.u[20])
     expected = simulate(model, run.t[part], run.u[part], run.x[20], kind="piecewise")
     found = demo.predict_linear(lin.A, lin.B, lin.c, record, part)
