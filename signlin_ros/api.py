@@ -416,7 +416,7 @@ def controller(
     Returns
     -------
     Law
-        Gains over a grid of speeds; ``signlin_ros.control.law.Running`` steps it.
+        Gains over a grid of speeds; ``signlin_ros.control.law.RunningLaw`` steps it.
 
     Raises
     ------

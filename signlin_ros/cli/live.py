@@ -38,7 +38,7 @@ def up(
     except ModuleNotFoundError as error:
         raise MissingExtraError("signlin ros up", "ros") from error
     missing = () if importlib.util.find_spec("signlin_ros.nodes.controller") else ("controller",)
-    plan = live.Plan(model, truth, record, namespaces or ("",), not real, (*without, *missing), parameters)
+    plan = live.StartPlan(model, truth, record, namespaces or ("",), not real, (*without, *missing), parameters)
     plan.names()
     sys.exit(live.up(plan))
 
