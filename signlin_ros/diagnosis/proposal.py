@@ -22,9 +22,9 @@ def rounded(model: Model, fitted: Mapping[str, ParameterEstimate]) -> Model:
     return model.with_parameters({n: float(f"{own[n]:.6g}") for n in fitted if n in own})
 
 
-def yaml_of(model: Model, judgement: Verdict) -> str:
+def yaml_of(model: Model, verdict: Verdict) -> str:
     """Return the model file, with comments of where the fitted values came from."""
-    fitted, problem = judgement.final.parameters, judgement.case.problem
+    fitted, problem = verdict.final.parameters, verdict.case.problem
     sources = ", ".join(dict.fromkeys(Path(s.source).name for s in problem.segments))
     lines = [f"# Fitted to {sources}; what follows ± is the standard error."]
     for line in model.to_yaml().splitlines():

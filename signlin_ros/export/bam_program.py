@@ -19,6 +19,15 @@ BAM_STEP = 2e-4
 """Longest step in s."""
 
 
+def inertia_and_weight(p: Mapping[str, float], ends: Mapping[str, float]) -> tuple[float, float]:
+    """Return the inertia in kg·m² and the weight in N·m of a drive with a mass on an arm.
+
+    ``p``: its numbers, with ``armature``; ``ends``: mass, length, arm_mass, inertia of the bench.
+    """
+    inertia = p["armature"] + ends["inertia"] + (ends["mass"] + ends["arm_mass"] / 3) * ends["length"] ** 2
+    return inertia, (ends["mass"] + ends["arm_mass"] / 2) * BAM_GRAVITY * ends["length"]
+
+
 def budget(p: Mapping[str, float], motor: float, load: float, speed: float) -> float:
     """Return the friction in N·m that can act against a motion, its viscous part aside."""
     width = p.get("dtheta_stribeck", 0.0)
@@ -36,8 +45,7 @@ def carried(p: Mapping[str, float], drive: ExportedDrive, ends: Mapping[str, flo
     ``p`` are the numbers of a BAM file, ``ends`` those of the bench: mass, length, arm_mass, inertia; the first input
     of ``drive`` is the goal.
     """
-    inertia = p["armature"] + ends["inertia"] + (ends["mass"] + ends["arm_mass"] / 3) * ends["length"] ** 2
-    weight = (ends["mass"] + ends["arm_mass"] / 2) * BAM_GRAVITY * ends["length"]
+    inertia, weight = inertia_and_weight(p, ends)
     q, w = float(drive.x0[0]), float(drive.x0[1])
     found = np.empty((drive.t.size, 2))
     found[0] = q, w
@@ -58,4 +66,4 @@ def carried(p: Mapping[str, float], drive: ExportedDrive, ends: Mapping[str, flo
     return found[:, 0], found[:, 1]
 
 
-__all__ = ["budget", "carried"]
+__all__ = ["budget", "carried", "inertia_and_weight"]

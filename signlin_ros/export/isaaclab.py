@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from signlin_ros.export.bam import bench_of, loop_of, numbers_of
-from signlin_ros.export.bam_program import BAM_GRAVITY, BAM_STEP, carried
+from signlin_ros.export.bam_program import BAM_STEP, carried, inertia_and_weight
 from signlin_ros.export.base import Array, Exported, ExportedDrive, Target
 from signlin_ros.export.lines import number
 from signlin_ros.export.python_text import docstring, loaded, names_of, numbers
@@ -67,8 +67,7 @@ class IsaacLab(Target):
 
 def _pd(p: dict[str, float], drive: ExportedDrive, ends: dict[str, float]) -> tuple[Array, Array]:
     """Return position and speed (T,) of a PD drive whose effort is limited, with dry and viscous friction."""
-    inertia = p["armature"] + ends["inertia"] + (ends["mass"] + ends["arm_mass"] / 3) * ends["length"] ** 2
-    weight = (ends["mass"] + ends["arm_mass"] / 2) * BAM_GRAVITY * ends["length"]
+    inertia, weight = inertia_and_weight(p, ends)
     q, w = float(drive.x0[0]), float(drive.x0[1])
     found = np.empty((drive.t.size, 2))
     found[0] = q, w
