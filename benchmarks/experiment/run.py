@@ -1,8 +1,8 @@
 """Does the planned experiment decide what a first record could not? `python -m benchmarks.experiment.run --seeds 1 2`.
 
 For every tie, both machines and each seed: the first record is diagnosed, the next one planned with the limits of the
-tie, both runs of it are made with fresh noise, and all are diagnosed again. Beside it: the same with a chirp of the
-largest peak within the limits. A line of JSON for each case goes to the file of --output.
+tie, both runs of it are made with fresh noise, and all are diagnosed again. A folder of each machine keeps its files;
+`--again` judges them anew without planning. Lines of JSON go to the file of --output as they come.
 """
 
 from __future__ import annotations
@@ -14,14 +14,15 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
-from benchmarks.experiment.ties import TIES, Tie, chirp
+from benchmarks.experiment.ties import TIES, Tie
+from signlin_ros.diagnosis.results import Diagnosis
 from signlin_ros.diagnosis.verbs import diagnose
 from signlin_ros.errors import SignlinError
+from signlin_ros.experiment.naming import open_names, with_named
 from signlin_ros.experiment.plan import ExperimentPlan
 from signlin_ros.experiment.search import NEEDED_EVIDENCE
 from signlin_ros.experiment.setting import KnownLimits, bench_of, gains_of, known_rivals
@@ -30,6 +31,10 @@ from signlin_ros.fitting.fit import fit
 from signlin_ros.follow.data import load_sides
 from signlin_ros.guard import check_sides
 from signlin_ros.records import ModelData
+
+SEEN_STEPS = 12
+"""Steps of a refit to all records."""
+Row = dict[str, Any]
 
 
 def read(tie: Tie, paths: Sequence[Path]) -> tuple[Any, list[ModelData]]:
@@ -57,32 +62,29 @@ def margin(model: Any, records: Sequence[ModelData], rivals: Sequence[KnownLimit
         sides = zip(c.candidate.coordinates, low.tolist(), high.tolist(), strict=True)
         own = replace(c.candidate, coordinates=tuple(replace(k, low=a, high=b) for k, a, b in sides), starts={})
         starts = [c.theta, *c.sigma_points[:2]]
-        fits = [f for f in (fit(bench.problem, own, gains_of(bench.problem), x, 12) for x in starts) if f]
+        fits = [f for f in (fit(bench.problem, own, gains_of(bench.problem), x, SEEN_STEPS) for x in starts) if f]
         costs["+".join(c.effects)] = min((f.cost for f in fits), default=np.inf)
     if true not in costs:
         return float("nan")
     return min((v for n, v in costs.items() if n != true), default=np.inf) - costs[true]
 
 
-def verdict(tie: Tie, folder: Path, files: Sequence[Path], validation: Path) -> tuple[list[str], list[str], str]:
-    """Return the effects that are named, those that are confirmed, and the verdict."""
-    model, data = read(tie, [*files, validation])
-    found = diagnose(model, data[:-1], data[-1:], jobs=1)
-    named = list(found.ladder[-1].effects)
-    confirmed = [e.effect for e in found.ranking if e.status == "confirmed" and e.effect in named]
-    return named, confirmed, found.verdict
+def rivals_of(found: Diagnosis, model: Any, data: Sequence[ModelData]) -> list[KnownLimits]:
+    """Return the rivals as the command line takes them: with those of the family that the diagnosis only names."""
+    return with_named(known_rivals([r.to_json() for r in found.rivals]), model, data, open_names(found.to_json()))
 
 
-def case(tie: Tie, which: int, seed: int, folder: Path, chirps: bool) -> dict[str, Any]:
-    """Return what became of one machine."""
+def planned(tie: Tie, which: int, seed: int, folder: Path) -> Row:
+    """Return what was diagnosed of the first record and planned; files of both runs of the plan are in the folder."""
     names = tie.machines[which].names
-    row: dict[str, Any] = {"tie": tie.key, "true": names[0], "seed": seed}
+    row: Row = {"tie": tie.key, "true": names[0], "seed": seed}
     first = tie.record(which, *tie.first, 1000 * seed + which, folder / "first.csv", True)
     model, data = read(tie, [first])
     found = diagnose(model, data, jobs=1)
     row |= {"first": list(found.ladder[-1].effects), "first_verdict": found.verdict}
-    rivals = known_rivals([r.to_json() for r in found.rivals])
+    rivals = rivals_of(found, model, data)
     row["rivals"] = ["+".join(r.effects) for r in rivals]
+    (folder / "diagnosis.json").write_text(json.dumps(found.to_json()))
     started = time.process_time()
     try:
         plan = designed(model, data, rivals, ExperimentWishes(limits=tie.limits, duration=tie.duration, seed=seed))
@@ -90,48 +92,62 @@ def case(tie: Tie, which: int, seed: int, folder: Path, chirps: bool) -> dict[st
         return row | {"plan": "", "why": str(error)}
     row |= {"cpu": time.process_time() - started, "plan": plan.words, "verdict": plan.verdict, "tried": plan.tried}
     row |= {"sentence": plan.sentence, "peak": float(np.abs(plan.u).max()), "beyond": beyond(tie, which, plan)}
+    (folder / "plan.json").write_text(json.dumps(plan.to_json()))
+    (folder / "next.csv").write_text(plan.to_csv())
     name = names[0].replace("_", " ")
     own = [p for p in plan.pairs if name in p.rivals]
-    told = [p.expected for p in own if p.expected >= NEEDED_EVIDENCE]
-    row |= {"promised": min(told, default=None), "planned_for": bool(own), "alike": [p.rivals for p in own if p.alike]}
-    runs = [tie.record(which, plan.t, plan.u, 1000 * seed + 100 + 10 * which + k, folder / f"r{k}.csv") for k in (0, 1)]
-    row["named"], row["confirmed"], row["then"] = verdict(tie, folder, [first, runs[0]], runs[1])
-    row["right"] = set(row["named"]) == set(names)
-    row["wrong"] = bool(set(row["confirmed"]) - set(names)) and row["then"] != "unexplained"
-    if own and told:
-        kept = [r for r in rivals if "+".join(r.effects).replace("_", " ") in {n for p in own for n in p.rivals
-                if p.expected >= NEEDED_EVIDENCE}]  # fmt: skip
-        row["seen"] = margin(model, [*data, *read(tie, runs)[1]], kept, names[0])
-    if chirps:
-        row["chirp"], row["chirp_peak"] = _chirp(tie, which, seed, folder, first, plan)
+    told_apart = [p for p in own if p.expected >= NEEDED_EVIDENCE]
+    row |= {"promised": min((p.expected for p in told_apart), default=None), "planned_for": bool(own)}
+    row |= {"alike": [p.rivals for p in own if p.alike], "kept": sorted({n for p in told_apart for n in p.rivals})}
+    for k in (0, 1):
+        tie.record(which, plan.t, plan.u, 1000 * seed + 100 + 10 * which + k, folder / f"r{k}.csv")
     return row
 
 
-def _chirp(tie: Tie, which: int, seed: int, folder: Path, first: Path, plan: ExperimentPlan) -> tuple[bool, float]:
-    """Return whether a chirp of the largest peak within the limits does as well, and that peak."""
-    peak = plan.limits[plan.input]
-    for _k in range(25):
-        t, u = chirp(plan.duration, peak)
-        if beyond(tie, which, replace(plan, t=t, u=u)) <= 1.0:
-            break
-        peak *= 0.85
-    runs = [tie.record(which, t, u, 1000 * seed + 300 + 10 * which + k, folder / f"c{k}.csv") for k in (0, 1)]
-    return set(verdict(tie, folder, [first, runs[0]], runs[1])[0]) == set(tie.machines[which].names), peak
+def judged(tie: Tie, which: int, folder: Path, row: Row) -> Row:
+    """Return what `diagnose` makes of the first record and of both runs of a plan."""
+    names = set(tie.machines[which].names)
+    model, data = read(tie, [folder / f"{name}.csv" for name in ("first", "r0", "r1")])
+    started = time.process_time()
+    found = diagnose(model, data[:-1], data[-1:], jobs=1)
+    named = list(found.ladder[-1].effects)
+    confirmed = [e.effect for e in found.ranking if e.status == "confirmed" and e.effect in named]
+    row |= {"named": named, "confirmed": confirmed, "then": found.verdict, "told": found.sentence}
+    row |= {"right": set(named) == names, "judged_cpu": time.process_time() - started}
+    row["wrong"] = bool(set(confirmed) - names) and found.verdict != "unexplained"
+    if row.get("kept") and "seen" not in row:
+        rivals = rivals_of(diagnose(model, data[:1], jobs=1), model, data[:1])
+        kept = [r for r in rivals if "+".join(r.effects).replace("_", " ") in row["kept"]]
+        row["seen"] = margin(model, data, kept, tie.machines[which].names[0])
+    return row
+
+
+def case(tie: Tie, which: int, seed: int, folder: Path, again: bool) -> Row:
+    """Return what became of one machine."""
+    folder.mkdir(parents=True, exist_ok=True)
+    own = folder / "row.json"
+    if not (again and own.exists()):
+        own.write_text(json.dumps(planned(tie, which, seed, folder)))
+    row = json.loads(own.read_text())
+    row = judged(tie, which, folder, row) if row["plan"] else row
+    own.write_text(json.dumps(row))
+    return row
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, nargs="+", default=[1])
     parser.add_argument("--only", nargs="*", default=[], help="ties")
-    parser.add_argument("--chirps", action="store_true", help="judge a chirp of the full peak, too")
+    parser.add_argument("--machines", type=int, nargs="*", default=[0, 1], help="first, second or both of a tie")
+    parser.add_argument("--again", action="store_true", help="judge what was planned before, without planning")
+    parser.add_argument("--folder", type=Path, default=Path("experiment"), help="of the files of all machines")
     parser.add_argument("--output", type=Path, default=Path("experiment.jsonl"))
     chosen = parser.parse_args()
     rows = []
     for seed in chosen.seeds:
         for tie in (t for t in (make() for make in TIES) if not chosen.only or t.key in chosen.only):
-            for which in (0, 1):
-                with TemporaryDirectory() as folder:
-                    row = case(tie, which, seed, Path(folder), chosen.chirps)
+            for which in chosen.machines:
+                row = case(tie, which, seed, chosen.folder / f"{tie.key}_{which}_{seed}", chosen.again)
                 rows.append(row)
                 print(json.dumps(row), flush=True)
                 with chosen.output.open("a") as stream:
@@ -139,7 +155,7 @@ def main() -> None:
     summary(rows)
 
 
-def summary(rows: Sequence[dict[str, Any]]) -> None:
+def summary(rows: Sequence[Row]) -> None:
     """Print the scores."""
     done = [r for r in rows if r.get("plan")]
     open_ = [r for r in rows if set(r["first"]) != {r["true"]}]

@@ -271,6 +271,6 @@ def bouc_wen_dahl() -> Tie:
 
 TIES: tuple[Callable[[], Tie], ...] = (
     *(coulomb_stribeck, coulomb_dahl, lugre_stribeck, backlash_compliant, gravity_spring, constant_coulomb, delays),
-    *(deadzone_coulomb, quadratic_cubic, load_coulomb),
+    *(deadzone_coulomb, quadratic_cubic, load_coulomb, bouc_wen_dahl),
 )
 """What is scored. Cogging against an encoder's ripple is not among them: no listed effect is a ripple of the sensor."""

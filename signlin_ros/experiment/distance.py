@@ -4,7 +4,7 @@ what the first records know of it, after an observer and in units of what a mode
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import permutations
 
@@ -34,7 +34,8 @@ LOST = 1e12
 @dataclass(frozen=True, eq=False)
 class RivalBench:
     """Rivals, and the observer (``gains``) through which a record is seen; ``spread`` (ny,): what a model leaves of the
-    first records; ``x0``: where the machine starts, by state; ``bias``: the input that holds it there.
+    first records; ``x0``: where the machine starts, by state; ``bias``: the input that holds it there; ``check`` is
+    called before every simulation and refit, and raises what ends the work.
     """
 
     problem: Problem
@@ -44,6 +45,7 @@ class RivalBench:
     x0: Mapping[str, float]
     bias: float = 0.0
     used: dict[str, int] = field(default_factory=lambda: {"runs": 0, "fits": 0}, repr=False)
+    check: Callable[[], None] = field(default=lambda: None, repr=False)
 
     @property
     def pairs(self) -> list[Pair]:
@@ -58,6 +60,7 @@ class RivalBench:
 
     def run(self, i: int, t: Array, u: Array, theta: Array | None = None) -> Trajectory | None:
         """Return the motion of a rival, at its estimate by default; None where it diverges."""
+        self.check()
         self.used["runs"] += 1
         c = self.contenders[i]
         return c.run(c.theta if theta is None else theta, t, self.inputs(u), self.x0)
@@ -72,6 +75,7 @@ class RivalBench:
 
     def _followed(self, c: Contender, theta: Array, s: PreparedSegment) -> tuple[Array, Array] | None:
         """Return errors (N,) and their slopes (N, n) in units of what a model leaves; None where it diverges."""
+        self.check()
         self.used["fits"] += 1
         found = follow_records(self.problem, replace(c.candidate, starts={}), theta, self.gains, True, (s,))
         if found is None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -47,11 +47,16 @@ def _family(effect: str) -> str:
 
 
 def with_named(
-    rivals: Sequence[KnownLimits], model: Model, records: Sequence[ModelData], names: Sequence[str]
+    rivals: Sequence[KnownLimits],
+    model: Model,
+    records: Sequence[ModelData],
+    names: Sequence[str],
+    cancelled: Callable[[], bool] | None = None,
 ) -> list[KnownLimits]:
     """Return rivals with those of some names (effects joined by +), fitted to the records where they are not there yet.
 
-    Raises `InputError` for an effect that there is not, or that cannot be added.
+    ``cancelled``: asked whether to stop, which raises `CancelledError`. Raises `InputError` for an effect that there is
+    not, or that cannot be added.
     """
     known = {"+".join(r.effects) or NO_EFFECT for r in rivals}
     plain = [name.strip().replace(" ", "_") for name in names]
@@ -65,7 +70,7 @@ def with_named(
     if not absent:
         return list(rivals)
     made = dataset_of(model, records)
-    motion = OutputErrorEstimator(made.problem, made.unseen, DEFAULT_CRITERIA, 1)
+    motion = OutputErrorEstimator(made.problem, made.unseen, DEFAULT_CRITERIA, 1, None, cancelled)
     found = [_fitted(motion, name) for name in absent]
     return [*rivals, *known_rivals([rival(f).to_json() for f in found])]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -87,14 +87,20 @@ def _family(r: KnownLimits) -> str:
     return EFFECTS[r.effects[0]].family if len(r.effects) == 1 else ""
 
 
-def bench_of(given: Model, records: Sequence[ModelData], rivals: Sequence[KnownLimits]) -> RivalBench:
+def bench_of(
+    given: Model,
+    records: Sequence[ModelData],
+    rivals: Sequence[KnownLimits],
+    check: Callable[[], None] = lambda: None,
+) -> RivalBench:
     """Return the rivals as contenders, and what they leave of the first records; one whose estimate is smaller than is
-    of interest is fitted anew at that size.
+    of interest is fitted anew at that size. ``check``: see `RivalBench`.
     """
     problem, _ = prepared(given, records, records)
     gains = gains_of(problem)
     contenders, left = [], []
     for r in rivals:
+        check()
         c = contender(problem, r.model, r.effects, None)
         information = information_of(c.candidate, c.theta, r.parameters, r.covariance)
         c = replace(c, theta=_sized(problem, c), information=information)
@@ -104,7 +110,7 @@ def bench_of(given: Model, records: Sequence[ModelData], rivals: Sequence[KnownL
             left.append(np.sqrt(np.nanmean(np.concatenate(found[0]) ** 2, axis=0)))
     spread = np.maximum(np.min(left, axis=0), problem.noise) if left else problem.noise
     x0 = dict(zip(problem.base.states, problem.base.x0.tolist(), strict=True))
-    bench = RivalBench(problem, tuple(contenders), gains, spread, x0)
+    bench = RivalBench(problem, tuple(contenders), gains, spread, x0, check=check)
     return replace(bench, bias=_resting(bench))
 
 

@@ -1,19 +1,23 @@
-"""`designed`: from rivals and first records to the next experiment, the chapters in their order."""
+"""`experiment` and `designed`: from rivals and first records to the next experiment, the chapters in their order."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.diagnosis.output_error.execution import CancelledError
+from signlin_ros.diagnosis.results import Diagnosis
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import InputError
 from signlin_ros.experiment import text
 from signlin_ros.experiment.contenders import Contender
 from signlin_ros.experiment.distance import LOST, Pair, RivalBench
 from signlin_ros.experiment.limits import Limits, limits_of
+from signlin_ros.experiment.naming import open_names, with_named
 from signlin_ros.experiment.plan import ExperimentPlan, PlanRow, PlanText, Remedy
 from signlin_ros.experiment.preview import preview
 from signlin_ros.experiment.remedies import remedies
@@ -26,7 +30,7 @@ from signlin_ros.experiment.search import (
     CommandSearch,
     CommandTrial,
 )
-from signlin_ros.experiment.setting import KnownLimits, bench_of, chosen, named, open_ones, so_far
+from signlin_ros.experiment.setting import KnownLimits, bench_of, chosen, known_rivals, named, open_ones, so_far
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.threads import one_thread
@@ -56,6 +60,37 @@ class ExperimentWishes:
 
 
 @one_thread
+def experiment(
+    diagnosis: Diagnosis | Mapping[str, Any],
+    records: Sequence[ModelData],
+    limits: Mapping[str, float] | None = None,
+    *,
+    between: Sequence[str] = (),
+    duration: float | None = None,
+    dt: float | None = None,
+    spare: float = 0.2,
+    seed: int = 1,
+    progress: Callable[[str, float], None] | None = None,
+    cancelled: Callable[[], bool] | None = None,
+    after: str = "",
+) -> ExperimentPlan:
+    """Return the experiment that tells the rivals of a diagnosis apart, as `signlin experiment` does.
+
+    ``diagnosis``: what `diagnose` returned for ``records``, or its JSON. ``limits`` by name (the input, states,
+    ``travel``, ``slew``); what is not given is what the records visited. ``between``: rivals by name, see `with_named`;
+    ``duration`` and ``dt`` in s; ``spare``: part of each limit that no rival may use; ``progress`` and ``cancelled``
+    as in `diagnose`. Raises `InputError` where there are no two rivals, `CancelledError` when it is stopped.
+    """
+    content = diagnosis if isinstance(diagnosis, Mapping) else diagnosis.to_json()
+    given = Model.from_yaml(content["given_model"], "diagnosis")
+    tell, stop = progress or (lambda what, share: None), cancelled or (lambda: False)
+    tell("rivals", 0.0)
+    rivals = with_named(known_rivals(content["rivals"]), given, records, between or open_names(content), stop)
+    wishes = ExperimentWishes(tuple(between), limits or {}, duration, dt, spare, seed)
+    return designed(given, records, rivals, wishes, tell, after, stop)
+
+
+@one_thread
 def designed(
     given: Model,
     records: Sequence[ModelData],
@@ -63,15 +98,22 @@ def designed(
     wishes: ExperimentWishes,
     tell: Callable[[str, float], None] = lambda what, share: None,
     after: str = "",
+    cancelled: Callable[[], bool] = lambda: False,
 ) -> ExperimentPlan:
     """Return the next experiment for the rivals of a diagnosis of some records.
 
-    Raises `InputError` where there are no two rivals, and for what was asked for and cannot be.
+    ``tell`` is told what is done, and how much of all; ``cancelled``: asked whether to stop, which raises
+    `CancelledError`. Raises `InputError` where there are no two rivals, and for what was asked for and cannot be.
     """
+
+    def check() -> None:
+        if cancelled():
+            raise CancelledError("stopped")
+
     rest, every = list[KnownLimits](), list(rivals)
     if wishes.between:
         rivals = every = named(rivals, wishes.between)
-    bench = bench_of(given, records, every) if every else None
+    bench = bench_of(given, records, every, check) if every else None
     if bench is not None and not wishes.between:
         limits = limits_of(bench.problem, wishes.limits)
         rivals, rest = chosen([r for r in open_ones(bench, every) if _rests(bench, every.index(r), limits)])
@@ -299,4 +341,4 @@ def _visits(search: CommandSearch, best: CommandTrial) -> dict[str, float]:
     return found
 
 
-__all__ = ["ExperimentWishes", "designed"]
+__all__ = ["ExperimentWishes", "designed", "experiment"]

@@ -15,6 +15,7 @@ from signlin_ros import cli
 from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA
 from signlin_ros.diagnosis.dataset import dataset_of
 from signlin_ros.diagnosis.output_error import OutputErrorEstimator
+from signlin_ros.diagnosis.output_error.execution import CancelledError
 from signlin_ros.diagnosis.rivals import rival
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import InputError
@@ -25,6 +26,7 @@ from signlin_ros.experiment.parts import PART_KINDS, Part, in_words, rendered, s
 from signlin_ros.experiment.plan import ExperimentPlan
 from signlin_ros.experiment.search import changed
 from signlin_ros.experiment.setting import KnownLimits, chosen
+from signlin_ros.experiment.verbs import experiment
 from signlin_ros.fitting.problem import prepare
 from signlin_ros.follow.data import load_sides
 from signlin_ros.model import Model
@@ -170,14 +172,35 @@ def test_the_report_has_a_preview_of_both_rivals(one_way, planned):
     assert (one_way / "next_files" / "preview_1.png").exists()
 
 
-@pytest.mark.slow
-def test_the_json_of_a_diagnosis_is_planned_for_in_a_process_of_its_own(one_way, tmp_path):
+@pytest.fixture(scope="module")
+def tie(one_way):
+    """What the JSON of a diagnosis of the first record tells of a tie, and the record."""
     model, data, _ = load_sides(Model.load(one_way / "model.yaml"), [one_way / "first.csv"], ())
     made = dataset_of(model, data)
     motion = OutputErrorEstimator(made.problem, made.unseen, DEFAULT_CRITERIA, 1)
     rivals = [rival(motion.fitted([name])).to_json() for name in ("coulomb_friction", "constant_load")]
     content = {"ranking": [], "ladder": [{"effects": ["coulomb_friction"]}], "rivals": rivals}
-    content |= {"given_model": made.model.to_yaml(), "data": ["first.csv"]}
+    return content | {"given_model": made.model.to_yaml(), "data": ["first.csv"]}, data
+
+
+@pytest.mark.slow
+def test_a_plan_that_somebody_stops_ends_soon(tie):
+    content, data = tie
+    asked, told = [], []
+
+    def cancelled():
+        asked.append(1)
+        return len(asked) > 50
+
+    with pytest.raises(CancelledError):
+        experiment(content, data, {"voltage": 6.0}, progress=lambda what, share: told.append(what), cancelled=cancelled)
+    assert len(asked) == 51
+    assert told[0] == "rivals"
+
+
+@pytest.mark.slow
+def test_the_json_of_a_diagnosis_is_planned_for_in_a_process_of_its_own(one_way, tie, tmp_path):
+    content, _ = tie
     (tmp_path / "verdict.json").write_text(json.dumps(content))
     (tmp_path / "first.csv").write_bytes((one_way / "first.csv").read_bytes())
     planning = Planning(tmp_path)
