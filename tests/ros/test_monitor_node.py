@@ -86,7 +86,7 @@ def test_a_change_is_called_then_named(monkeypatch: pytest.MonkeyPatch) -> None:
     from live_ros import watched
 
     rig = Machine(np.random.default_rng(3200))
-    called, began, names = watched(rig, NOMINAL, "load", 12.0, 60.0, 8.0, RATE, naming=True)
+    called, began, names = watched(rig, NOMINAL, "load", 12.0, 300.0, 8.0, RATE, naming=True)
     assert called is not None
     assert 12.0 <= called < 17.0
     assert began is not None
