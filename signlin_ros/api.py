@@ -76,15 +76,17 @@ def _records(
 
 def _record(model: Model, item: Any, signals: Mapping[str, str] | None) -> ModelData:
     """Return one record in the model's terms."""
-    from signlin_ros.records import ModelData, read_for_model
+    from signlin_ros.records import ModelData, Record, read_for_model
 
     if isinstance(item, ModelData):
         return item
+    if isinstance(item, Record):
+        return item.for_model(model, signals)
     if _is_table(item):
         return _of_table(item, model, signals)
     if isinstance(item, (str, os.PathLike)):
         return read_for_model(item, model, signals)
-    raise InputError(f"a record is a path, a table of columns or ModelData; found {type(item).__name__}")
+    raise InputError(f"a record is a path, a table of columns, a Record or ModelData; found {type(item).__name__}")
 
 
 def _with_position(model: Model, items: Sequence[Any]) -> Model:
@@ -95,16 +97,18 @@ def _with_position(model: Model, items: Sequence[Any]) -> Model:
 
 
 def _holds(item: Any, name: str) -> bool:
+    from signlin_ros.records import Record
     from signlin_ros.records.header import heading
 
-    return _is_table(item) and any(heading(str(column)).matches(name) for column in item)
+    columns = item.signals if isinstance(item, Record) else item if _is_table(item) else ()
+    return any(heading(str(column)).matches(name) for column in columns)
 
 
 def _listed(data: Any) -> list[Any]:
     """Return records given one by one or in a sequence as a list."""
-    from signlin_ros.records import ModelData
+    from signlin_ros.records import ModelData, Record
 
-    single = isinstance(data, (str, os.PathLike, ModelData)) or _is_table(data)
+    single = isinstance(data, (str, os.PathLike, ModelData, Record)) or _is_table(data)
     return [data] if single else list(data)
 
 
@@ -120,7 +124,7 @@ def check(
     ----------
     model : Model, str or path
         The model, its file, or the name of a shipped one (``"dc_motor"``).
-    data : path, mapping or DataFrame of columns, ModelData, or a sequence of these
+    data : path, mapping or DataFrame of columns, Record, ModelData, or a sequence of these
         The records; times in s.
     signals : mapping, optional
         The model's names to columns or formulas: ``{"speed": "omega [rpm]"}``.
@@ -159,7 +163,7 @@ def compare(
     ----------
     model : Model, str or path
         The model, its file, or the name of a shipped one.
-    data : path, mapping or DataFrame of columns, ModelData, or a sequence of these
+    data : path, mapping or DataFrame of columns, Record, ModelData, or a sequence of these
         Training data of the refitted base model; the scores are of these records.
     validation : the same, optional
         Validation data; by default the last third of each record.
@@ -202,7 +206,7 @@ def diagnose(
     ----------
     model : Model, str or path
         The model, its file, or the name of a shipped one.
-    data, validation : path, mapping or DataFrame of columns, ModelData, or a sequence of these
+    data, validation : path, mapping or DataFrame of columns, Record, ModelData, or a sequence of these
         Training data; validation data, by default the last third of each record.
     signals : mapping, optional
         The model's names to columns or formulas.
@@ -252,7 +256,7 @@ def add(
         Its name, e.g. ``"coulomb_friction"``; `catalogue` lists them.
     model : Model, str or path
         The model, its file, or the name of a shipped one.
-    data, validation : path, mapping or DataFrame of columns, ModelData, or a sequence of these
+    data, validation : path, mapping or DataFrame of columns, Record, ModelData, or a sequence of these
         Training data; validation data, by default the last third of each record.
     signals : mapping, optional
         The model's names to columns or formulas.
@@ -295,7 +299,7 @@ def refine(
     ----------
     model : Model, str or path
         The model, its file, or the name of a shipped one.
-    data, validation : path, mapping or DataFrame of columns, ModelData, or a sequence of these
+    data, validation : path, mapping or DataFrame of columns, Record, ModelData, or a sequence of these
         Training data; validation data, by default the last third of each record.
     signals : mapping, optional
         The model's names to columns or formulas.

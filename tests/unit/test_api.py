@@ -75,6 +75,14 @@ def test_a_trajectory_and_a_record_are_tables(tmp_path):
     assert sl.read_record(tmp_path / "run.csv").to_frame()["speed"].size == table["t"].size
 
 
+def test_a_record_that_was_read_is_taken_as_its_file_is(tmp_path):
+    bare, table = motor_table(seconds=2.0)
+    run = sl.simulate(sl.Model.load("dc_motor"), table["t"], table["voltage"])
+    run.to_frame().reset_index().to_csv(tmp_path / "run.csv", index=False)
+    read = sl.compare(bare, sl.read_record(tmp_path / "run.csv")).to_frame()
+    assert read.equals(sl.compare(bare, tmp_path / "run.csv").to_frame())
+
+
 def test_a_table_without_a_time_is_refused():
     with pytest.raises(sl.InputError, match="no column 't' in s; it has speed"):
         sl.check("dc_motor", {"speed": [1.0, 2.0]})
