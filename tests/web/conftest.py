@@ -42,6 +42,8 @@ input.onchange = () => {
 document.body.append(input);
 return input;
 """
+TOP = "return document.getElementById(arguments[0]).getBoundingClientRect().top"
+CENTRE = "document.getElementById(arguments[0]).scrollIntoView({block: 'center', behavior: 'instant'})"
 
 
 class Server:
@@ -266,6 +268,22 @@ class Page:
             return now["serial"] != before and not now["busy"] and now["serial"] == self.driver.execute_script(shown)
 
         self.wait(settled, "the page to settle")
+
+    def still(self) -> None:
+        """Wait until all pictures in sight of the page are drawn and nothing changes its height any more."""
+        undrawn = "return [...document.querySelectorAll('.plots:not([data-drawn])')].some((e) => e.offsetParent)"
+        held = "return [...document.querySelectorAll('.stage > .body')].some((e) => e.style.minHeight)"
+        run = self.driver.execute_script
+        self.wait(lambda: not run(undrawn) and not run(held), "the pictures to be drawn")
+
+    def top(self, identity: str) -> float:
+        """Return how far below the upper edge of the window an element is, in px."""
+        return float(self.driver.execute_script(TOP, identity))
+
+    def centre(self, identity: str) -> float:
+        """Scroll an element to the middle of the window; return :meth:`top` of it."""
+        self.driver.execute_script(CENTRE, identity)
+        return self.top(identity)
 
     def _state(self) -> Any:
         ask = "const done = arguments[0]; fetch(`${location.pathname}/state`).then((r) => r.json()).then(done)"

@@ -22,6 +22,14 @@ if TYPE_CHECKING:
     from conftest import Client, Page, Server
 
 STATIC = Path(__file__).parents[2] / "signlin_ros" / "workbench" / "static"
+GROW = """
+const grown = document.createElement('div');
+grown.style.height = `${arguments[1]}px`;
+document.querySelector(arguments[0]).append(grown);
+delete document.documentElement.dataset.grown;
+requestAnimationFrame(() => requestAnimationFrame(() => { document.documentElement.dataset.grown = true; }));
+"""
+GROWN = "return document.documentElement.dataset.grown"
 
 
 def numbers(packed: dict[str, str]) -> Any:
@@ -259,15 +267,20 @@ def test_what_is_looked_at_stays_where_it_is_and_numbers_are_typed(
     )
     page.type("type-J", Keys.CONTROL, "a", Keys.NULL, "0,0021", Keys.ENTER)
     page.wait(lambda: page.driver.find_element("id", "keep").is_enabled(), "the value to be taken")
-    seen = "return document.getElementById('keep').getBoundingClientRect().top"
-    keep = page.driver.find_element("id", "keep")
-    page.driver.execute_script("arguments[0].scrollIntoView({block: 'center', behavior: 'instant'})", keep)
-    before = page.driver.execute_script(seen)
+    page.still()
+    before = page.centre("keep")
     for button in ("keep", "undo"):
         with page.settling():
             page.driver.find_element("id", button).click()
-        page.wait(lambda: page.driver.find_elements("css selector", "#plots-tune[data-drawn]"), "the simulation")
-        page.wait(lambda: abs(page.driver.execute_script(seen) - before) < 60, "the button to be where it was", 20)
+        page.still()
+        page.wait(lambda: abs(page.top("keep") - before) < 60, "the button to be where it was")
+    page.driver.execute_script(GROW, "#stage-compare .head", 700)  # long after the last click, something above grows
+    page.wait(lambda: page.driver.execute_script(GROWN), "the growth")
+    assert abs(page.top("keep") - before) < 60
+    before = page.centre("scores")  # somewhere else, and nothing clicked on
+    page.driver.execute_script(GROW, "#stage-record .head", 300)
+    page.wait(lambda: page.driver.execute_script(GROWN), "the growth")
+    assert abs(page.top("scores") - before) < 60
     wide = "return document.documentElement.scrollWidth - document.documentElement.clientWidth"
     assert page.driver.execute_script(wide) <= 0
     assert page.chosen("type-J") == "0.0022"

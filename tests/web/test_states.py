@@ -94,7 +94,7 @@ def test_a_diagnosis_is_cancelled_within_a_second_and_nothing_is_left(
     page.done("check")
     page.click("do-diagnose")
     page.wait(lambda: page.driver.find_elements("id", "cancel"), "the diagnosis to run")
-    time.sleep(1.0)
+    page.wait(lambda: psutil.Process(given.process.pid).children(recursive=True), "its processes")
     workers = {p.pid for p in psutil.Process(given.process.pid).children(recursive=True)}
     page.picture("diagnosing", "stage-diagnose")
     page.click("cancel")

@@ -4,6 +4,7 @@ import * as api from "./api.js";
 import { h, fill, say } from "./dom.js";
 import { RENDER, command, restyle, restyleTuner } from "./stages.js";
 import { live, restyleLive } from "./live.js";
+import * as place from "./place.js";
 import { latest } from "./sync.js";
 
 const DO = { check: "Check", compare: "Compare", diagnose: "Diagnose", use: "Export" };
@@ -40,15 +41,15 @@ function lost(...what) {
 }
 
 async function go(name, args) {
-  hold();
+  place.follow();
   if (name === "redraw") return draw();
   trouble = {};
   try {
     if (name === "files") await take(args);
     else await api.act(name, args ?? {});
   } catch (error) {
-    const place = { map_signal: "record", remap: "check", apart: "record", model: "record", role: "record", drop: "record", trust: "record", write: "record", sample: "record", files: "record", cure: "check", keep: "add", learn: "add", refit: "compare", export: "use" }[name] ?? name;
-    trouble[place in RENDER ? place : "record"] = error.message;
+    const where = { map_signal: "record", remap: "check", apart: "record", model: "record", role: "record", drop: "record", trust: "record", write: "record", sample: "record", files: "record", cure: "check", keep: "add", learn: "add", refit: "compare", export: "use" }[name] ?? name;
+    trouble[where in RENDER ? where : "record"] = error.message;
     say(error.message);
   }
   await refresh();
@@ -74,38 +75,11 @@ async function take(files) {
 
 // -------------------------------------------------------------------- drawing
 
-// What is looked at stays where it is while what stands above it changes its height, at once or a little later: from a
-// click on until somebody scrolls, or for some seconds.
-const HELD = 6000; // ms
-let held = null;
-
-function hold() {
-  if (scrollY === 0 || (held && state?.busy)) return;
-  const found = document.elementsFromPoint(innerWidth * 0.6, Math.min(innerHeight * 0.45, 420)).map((e) => e.closest("section.stage [id]") ?? e.closest("section.stage"));
-  const marks = found.filter(Boolean).flatMap((e) => [e, e.parentElement?.closest("section.stage [id]"), e.closest("section.stage")]).filter((e) => e?.id);
-  held = { marks: marks.map((e) => [e.id, e.getBoundingClientRect().top]), until: performance.now() + HELD };
-}
-
-function kept() {
-  if (!held || (performance.now() > held.until && !state?.busy)) return;
-  for (const [id, top] of held.marks) {
-    const element = document.getElementById(id);
-    if (!element?.offsetParent) continue;
-    const moved = element.getBoundingClientRect().top - top;
-    if (Math.abs(moved) > 1) scrollBy({ top: moved, behavior: "instant" });
-    return;
-  }
-}
-
-for (const name of ["wheel", "touchmove", "keydown", "pointerdown"]) addEventListener(name, () => { held = null; }, { passive: true, capture: true });
-new ResizeObserver(kept).observe(main);
-
 function draw() {
   if (!state) return;
-  if (!held || performance.now() > held.until) hold();
-  else held.until = performance.now() + HELD; // what was clicked on is still being worked out
+  place.follow();
   for (const block of state.stages) stage(block);
-  kept();
+  place.keep();
   document.getElementById("loading")?.remove();
   const busy = Boolean(state.busy);
   if (!busy && wasBusy) say("Done.");
@@ -126,6 +100,7 @@ function stage(block) {
   if (!section) {
     section = h("section", { id, class: "stage", "aria-labelledby": `${id}-title` }, h("div", { class: "head" }), h("div", { class: "body" }), h("div", { class: "foot" }));
     main.append(section);
+    place.watch(section);
   }
   const working = state.busy?.stage === block.id;
   section.classList.toggle("waiting", Boolean(block.why));

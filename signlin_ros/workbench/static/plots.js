@@ -2,6 +2,7 @@
 
 import { decode } from "./api.js";
 import { h, number, unit, words } from "./dom.js";
+import * as place from "./place.js";
 
 export const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const LOOKS = {
@@ -34,6 +35,7 @@ export class Stack {
     element.addEventListener("keydown", (e) => this.key(e));
     this.watcher = new ResizeObserver(() => this.resize());
     this.watcher.observe(element);
+    place.watch(element);
   }
 
   async load(span = this.span) {
