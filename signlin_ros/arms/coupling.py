@@ -6,11 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
 
 from signlin_ros.arms.fit import CoefficientEstimate, FitDesign, fit
 from signlin_ros.arms.laws import BASIC, Loads, column, motor_inertia
-from signlin_ros.arms.search import DOUBT, MIN_COEFFICIENT_ERRORS, MIN_VALIDATION_ERRORS, MIN_VALIDATION_SHARE, State
+from signlin_ros.arms.search import MIN_VALIDATION_ERRORS, MIN_VALIDATION_SHARE, State, needed_errors
 
 Array = NDArray[np.float64]
 RATIOS = (1.0, -1.0)
@@ -26,7 +25,7 @@ def find_coupling(state: State, estimate: CoefficientEstimate) -> tuple[int, int
     motors = state.rows.pieces[0].motors[: state.robot.n]
     fixed = fit(estimate.design, state.rows, state.new, estimate.weights)
     candidates = list(_candidates(motors))
-    needed = max(MIN_COEFFICIENT_ERRORS, float(norm.isf(DOUBT / max(2 * len(candidates), 1) / 2)))
+    needed = needed_errors(2 * len(candidates))
     best: tuple[float, int, int, Array] | None = None
     for j, i, changed in candidates:
         extra = _beside(state, j, changed)

@@ -263,8 +263,7 @@ def _stands(
     with np.errstate(invalid="ignore", divide="ignore"):
         fall = 1.0 - (after / before) ** 2
         worth = float(np.nansum(np.log(before) - np.log(after)))
-    needed = max(MIN_COEFFICIENT_ERRORS, float(norm.isf(DOUBT / max(tried, 1) / 2)))
-    sure = float(np.abs(values / np.maximum(errors, 1e-300)).max()) >= needed
+    sure = float(np.abs(values / np.maximum(errors, 1e-300)).max()) >= needed_errors(tried)
     if key.law == "payload":
         if not (sure and _relieved(estimate, trial, count) and worth > -0.01 * state.robot.n):
             return None
@@ -274,6 +273,11 @@ def _stands(
         if not (sure and visible > MIN_VALIDATION_SHARE and worth > 0.0 and _again(state, trial, values, names)):
             return None
     return SearchResult(key, names, values, errors, before, after, worth), law
+
+
+def needed_errors(tried: int) -> float:
+    """Return the standard errors that a coefficient needs where so many laws are tried."""
+    return max(MIN_COEFFICIENT_ERRORS, float(norm.isf(DOUBT / max(tried, 1) / 2)))
 
 
 def _again(state: State, trial: CoefficientEstimate, values: Array, names: Sequence[str]) -> bool:
@@ -300,4 +304,4 @@ def _relieved(estimate: CoefficientEstimate, trial: CoefficientEstimate, count: 
     return _drop(estimate, trial) > float(chi2.isf(DOUBT, count)) and trial.tension < estimate.tension
 
 
-__all__ = ["BASIC", "Key", "SearchResult", "State", "names_of", "search", "settled"]
+__all__ = ["BASIC", "Key", "SearchResult", "State", "names_of", "needed_errors", "search", "settled"]

@@ -44,6 +44,8 @@ def diagnosed_json(diagnosis: ArmDiagnosis, text: str, source: str, data: list[s
     named = effects_named(diagnosis)
     content = compared_json(diagnosis.comparison, source, data)
     content["joints"] = _joints(diagnosis.comparison, named)
+    for i, name in enumerate(study.names):
+        content["joints"][name]["cannot_tell"] += _too_small(diagnosis, i)
     payload = {n: {"value": v, "std": e, "unit": u} for n, (v, e, u) in diagnosis.payload.items()}
     gains = {
         study.names[f.key.at]: _value(float(f.values[0]), float(f.errors[0]), "-")
@@ -133,6 +135,22 @@ def _cannot(study: Study, i: int) -> list[str]:
     joint = study.robot.joints[i]
     if joint.parent < 0 and not joint.prismatic:
         found.append("the inertia of its motor from that of its own link about the same axis")
+    return found
+
+
+def _too_small(diagnosis: ArmDiagnosis, i: int) -> list[str]:
+    """Return which wrong gain and which elasticity of a joint these records would not show."""
+    sizes = {key.law: size for key, size in diagnosis.detectable.items() if key.at == i}
+    joint, found = diagnosis.comparison.study.robot.joints[i], []
+    if "sensor_gain" in sizes:
+        share = sizes["sensor_gain"]
+        most = "nearly all of it is friction, which scales along"
+        why = most if share >= 1.0 else f"by less than {100 * share:.2g} %"
+        found.append(f"whether the gain of its effort is off, {why}")
+    stiffness = 1.0 / sizes.get("compliant_load", np.inf)
+    if stiffness > 0.0:
+        unit = f"{joint.effort_unit}/{joint.position_unit}"
+        found.append(f"whether its gear is elastic, if it is stiffer than {stiffness:.2g} {unit}")
     return found
 
 

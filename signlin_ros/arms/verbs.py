@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.arms.coupling import find_coupling
 from signlin_ros.arms.data import ArmRun
+from signlin_ros.arms.detectable import detectable
 from signlin_ros.arms.fit import CoefficientEstimate, FitDesign, blocks, fit
 from signlin_ros.arms.laws import EXTRA
 from signlin_ros.arms.proposal import Proposal, proposal
@@ -70,7 +71,10 @@ class MissingLaw:
 
 @dataclass(frozen=True, eq=False)
 class ArmDiagnosis:
-    """What is missing: laws, couplings, effects that the file leaves out, and the model that is proposed."""
+    """What is missing: laws, couplings, effects that the file leaves out, and the model that is proposed.
+
+    ``detectable``: the smallest coefficients of laws that these records would show.
+    """
 
     comparison: ArmComparison
     state: State
@@ -81,6 +85,7 @@ class ArmDiagnosis:
     proposal: Proposal
     payload: dict[str, tuple[float, float, str]] = field(default_factory=dict)
     only_payload: bool = False
+    detectable: dict[Key, float] = field(default_factory=dict)
 
 
 def _quiet(_: str) -> None:
@@ -165,7 +170,8 @@ def diagnose(
         estimate = settled(state)
     missing = _left_out(found, state, estimate)
     estimate = search(state, progress)
-    return _told(replace(comparison, study=found), state, estimate, missing, couplings)
+    told = _told(replace(comparison, study=found), state, estimate, missing, couplings)
+    return replace(told, detectable=detectable(state, estimate))
 
 
 def add(
