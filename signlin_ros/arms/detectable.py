@@ -1,0 +1,49 @@
+"""How large a law of the robot has to be before a record shows it: what is smaller cannot be told from these data.
+
+A gain that is off scales friction along with the rigid body, and friction is fitted: a joint whose effort is nearly all
+friction does not show it, however much it is off.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.arms.fit import CoefficientEstimate, blocks, fit
+from signlin_ros.arms.search import MIN_VALIDATION_SHARE, Key, State, needed_errors
+
+Array = NDArray[np.float64]
+LAWS = ("sensor_gain", "compliant_load")
+"""Laws that are told from friction and inertia only where the record shows them."""
+
+
+def detectable(state: State, estimate: CoefficientEstimate) -> dict[Key, float]:
+    """Return the smallest coefficients that would be named: of gains (relative), of compliances (rad/N·m).
+
+    A coefficient is named from so many standard errors on and from a visible share of a joint's squares; both are
+    worked out beside all that is fitted, inertial parameters with their priors included.
+    """
+    fixed = fit(estimate.design, state.rows, state.new, estimate.weights)
+    taken = [key for key, _ in state.terms]
+    keys = [Key(law, i) for i in range(state.robot.n) if i not in state.barred for law in LAWS]
+    keys = [key for key in keys if not any(key.same(other) for other in taken)]
+    needed, loads = needed_errors(len(list(state.candidates(estimate)))), state.loads(estimate)
+    return {key: _smallest(fixed, state.columns(key, None, loads)[0], key.at, needed) for key in keys}
+
+
+def _smallest(estimate: CoefficientEstimate, column: Array, joint: int, needed: float) -> float:
+    """Return the smallest coefficient of a column (N, 1) that would be named; inf where it is nothing new."""
+    w = estimate.weights[estimate.rows.joint]
+    X, r, c = estimate.design.known * w[:, None], estimate.residual * w, column[:, 0] * w
+    new = c - X @ (estimate.inverse() @ (X.T @ c))
+    size = float(new @ c)
+    if size <= 0.0:
+        return np.inf
+    spread = float(np.linalg.norm(blocks((new * r)[:, None], estimate.rows.block)))
+    error = max(spread / size, 1.0 / np.sqrt(size))
+    at = estimate.rows.joint == joint
+    visible = float(np.sqrt(MIN_VALIDATION_SHARE * np.sum(r[at] ** 2) / max(np.sum(new[at] ** 2), 1e-300)))
+    return max(needed * error, visible)
+
+
+__all__ = ["detectable"]
