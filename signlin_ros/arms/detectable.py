@@ -43,7 +43,7 @@ def _smallest(estimate: CoefficientEstimate, column: Array, joint: int, needed: 
     error = max(spread / size, 1.0 / np.sqrt(size))
     at = estimate.rows.joint == joint
     visible = float(np.sqrt(MIN_VALIDATION_SHARE * np.sum(r[at] ** 2) / max(np.sum(new[at] ** 2), 1e-300)))
-    return max(needed * error, visible)
+    return float(max(needed * error, visible))
 
 
 __all__ = ["detectable"]

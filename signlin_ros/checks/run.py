@@ -19,16 +19,22 @@ NO_CURE = "none"
 
 
 def check(
-    model: Model, records: Sequence[ModelData], cures: Collection[str] = (), *, validated: bool = False
+    model: Model,
+    records: Sequence[ModelData],
+    cures: Collection[str] = (),
+    *,
+    validated: bool = False,
+    kinds: Sequence[type[Check]] = CHECKS,
 ) -> tuple[list[ModelData], list[Finding]]:
     """Look for what may be wrong with records; return them with cures applied, and what was found.
 
     Cures that can do no harm are applied; others if their names are among ``cures``; none at all with `NO_CURE` there.
-    ``validated``: whether some of the records are for validation, so that no part of one is held out.
+    ``validated``: whether some of the records are for validation, so that no part of one is held out. ``kinds``: the
+    checks that mean anything for the model, in their order.
     Raises `InputError` for a cure that nothing here offers.
     """
     passes = [_Pass(model, record) for record in records]
-    for kind in (kind for kind in CHECKS if not (validated and kind.holding_out)):
+    for kind in (kind for kind in kinds if not (validated and kind.holding_out)):
         for group in _of_one_log(passes):
             ready = [one for one in group if one.takes(kind)]
             for one, told in zip(ready, kind().find_each([one.look for one in ready]), strict=True):

@@ -1,21 +1,26 @@
-"""What `compare`, `diagnose`, `add` and `refine` do where MODEL is an arm, and the options that only these have."""
+"""What the verbs do where MODEL is an arm, and the options that only arms have."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from signlin_ros.cli.options import Report
-from signlin_ros.cli.telling import progress
+from signlin_ros.cli.options import Report, conditions_held_out, said_of_records
+from signlin_ros.cli.telling import command_line, progress
 from signlin_ros.errors import InputError
 
 if TYPE_CHECKING:
+    from signlin_ros.arms.data import ArmRun
+    from signlin_ros.checks.finding import Finding
     from signlin_ros.model import Model
 
 Command = TypeVar("Command", bound=Callable[..., Any])
+VERBS = "check, compare, diagnose, add, refine, simulate, linearize, gains, export, workbench"
+"""What takes arms."""
 
 
 def arm_options(function: Command) -> Command:
@@ -40,7 +45,7 @@ def is_arm(model: Model) -> bool:
 def refuse(model: Model, what: str) -> None:
     """Refuse a verb or an option that does not take arms."""
     if is_arm(model):
-        raise InputError(f"{what}: does not take an arm; arms: compare, diagnose, add, refine, simulate, linearize")
+        raise InputError(f"{what}: does not take an arm; arms: {VERBS}")
 
 
 def refuse_elsewhere(model: Model, band: float | None, fit_share: float | None) -> None:
@@ -50,54 +55,93 @@ def refuse_elsewhere(model: Model, band: float | None, fit_share: float | None) 
             raise InputError(f"{name}: is for arms; the plant of {model.source} is {model.plant.name}")
 
 
-def _sides(
-    model: Any, data: Sequence[str], validation: Sequence[str], signals: Mapping[str, str], share: float | None
-) -> tuple[Any, Any]:
-    from signlin_ros.arms.data import HELD_OUT, read_data, sides
+@dataclass(frozen=True)
+class ArmRequest:
+    """What a verb is asked about an arm: its model, records, and options; ``report`` a path to write to, or None."""
 
-    progress("reading ...")
-    records = read_data(model, data, signals)
-    return sides(model, records, read_data(model, validation, signals) if validation else [], share or HELD_OUT)
+    model: Any
+    data: Sequence[str]
+    validation: Sequence[str] = ()
+    signals: Mapping[str, str] | None = None
+    band: float | None = None
+    share: float | None = None
+    cures: Sequence[str] = ()
+    report: str | None = None
+    said: tuple[str, ...] = ()
+    """--signal as it was given."""
+
+    def sides(self) -> tuple[list[ArmRun], list[ArmRun], list[Finding]]:
+        """Return the runs to fit, those that no fit sees, and what was found in the records.
+
+        Raises `RecordError` where nothing may be concluded from them as they are.
+        """
+        from signlin_ros.arms.check import check
+        from signlin_ros.arms.data import HELD_OUT, read_data, sides
+        from signlin_ros.checks.run import require_sound
+
+        if conditions_held_out():
+            raise InputError("--hold-out: does not take an arm; give the records as --validation")
+        progress("reading ...")
+        signals = self.signals or {}
+        records = read_data(self.model, self.data, signals)
+        others = read_data(self.model, self.validation, signals) if self.validation else []
+        sound, findings = check(self.model, [*records, *others], self.cures)
+        require_sound(findings, self.cures)
+        count = len(records)
+        return (*sides(self.model, sound[:count], sound[count:], self.share or HELD_OUT), findings)
+
+    def command(self, *words: str, output: str | None = None) -> str:
+        """Return the command line that does the same."""
+        given = {"validation": tuple(self.validation), "band": self.band, "fit-share": self.share}
+        more = {"signal": self.said, **said_of_records(), "cure": tuple(self.cures), "output": output}
+        return command_line((*words, self.model.source, *self.data), **given, **more)
+
+    def reported(self, result: Any, content: Mapping[str, Any], command: str) -> None:
+        """Write the report where one is asked for."""
+        if self.report is not None:
+            from signlin_ros.arms.report import arm_report
+
+            progress("drawing ...")
+            arm_report(result, content, self.report, command)
 
 
-def compared(
-    model: Any,
-    data: Sequence[str],
-    validation: Sequence[str],
-    signals: Mapping[str, str],
-    band: float | None,
-    share: float | None,
-) -> Report:
+def checked(request: ArmRequest) -> Report:
+    """Return what `check` says of an arm's records."""
+    from signlin_ros import console
+    from signlin_ros.arms.check import check
+    from signlin_ros.arms.data import read_data
+    from signlin_ros.checks.finding import to_json
+
+    _, findings = check(request.model, read_data(request.model, request.data, request.signals or {}), request.cures)
+    return to_json(findings), console.check_text
+
+
+def compared(request: ArmRequest) -> Report:
     """Return what `compare` says of an arm."""
     from signlin_ros.arms.text import compare_text
     from signlin_ros.arms.told import compared_json
     from signlin_ros.arms.verbs import compare
+    from signlin_ros.checks.finding import to_json
 
-    known, unseen = _sides(model, data, validation, signals, share)
-    result = compare(model, known, unseen, band, lambda what: progress(f"  {what}"))
-    return compared_json(result, model.source, list(data)), compare_text
+    known, unseen, findings = request.sides()
+    result = compare(request.model, known, unseen, request.band, lambda what: progress(f"  {what}"))
+    content = {**compared_json(result, request.model.source, list(request.data)), "record": to_json(findings)}
+    request.reported(result, content, request.command("compare"))
+    return content, compare_text
 
 
-def diagnosed(
-    verb: str,
-    model: Any,
-    data: Sequence[str],
-    validation: Sequence[str],
-    signals: Mapping[str, str],
-    band: float | None,
-    share: float | None,
-    output: str | None,
-    effect: str | None,
-) -> Report:
+def diagnosed(verb: str, request: ArmRequest, output: str | None, effect: str | None) -> Report:
     """Return what `diagnose`, `add` and `refine` say of an arm; write the model and its URDF where asked for."""
     from signlin_ros.arms.proposal import placed
     from signlin_ros.arms.text import diagnose_text
     from signlin_ros.arms.told import diagnosed_json, sentences
     from signlin_ros.arms.verbs import add, diagnose
+    from signlin_ros.checks.finding import to_json
     from signlin_ros.files import write_text
 
-    known, unseen = _sides(model, data, validation, signals, share)
-    arguments = (model, known, unseen, band, lambda what: progress(f"  {what}"))
+    model = request.model
+    known, unseen, findings = request.sides()
+    arguments = (model, known, unseen, request.band, lambda what: progress(f"  {what}"))
     result = diagnose(*arguments) if effect is None else add(effect, *arguments)
     text, urdf, path = placed(result.proposal, output or Path(model.source).name)
     if output is not None:
@@ -106,9 +150,33 @@ def diagnosed(
             write_text(output, text)
         except OSError as error:
             raise InputError(f"-o: cannot write {output}: {error.strerror}") from error
-    content = diagnosed_json(result, text, model.source, list(data))
-    written = {"files": [str(output), str(path)]} if output is not None else {}
-    return {**content, "sentences": sentences(result), **written}, diagnose_text
+    content = diagnosed_json(result, text, model.source, list(request.data))
+    content |= {"sentences": sentences(result), "record": to_json(findings)}
+    content |= {"files": [str(output), str(path)]} if output is not None else {}
+    words = (verb, *([effect] if effect else []))
+    request.reported(result, content, request.command(*words, output=output))
+    return content, diagnose_text
 
 
-__all__ = ["arm_options", "compared", "diagnosed", "is_arm", "refuse", "refuse_elsewhere"]
+def gains_of(model: Any, at: Mapping[str, float], numbers: Mapping[str, float | None]) -> Report:
+    """Return what `gains` says of an arm."""
+    from signlin_ros.arms.feedforward import gains_content, gains_text
+
+    if numbers["limit"] is not None:
+        raise InputError("--limit: is not taken for an arm; taken: --at, --period, --delay, --speed, --bandwidth")
+    period = numbers["period"] or 0.0
+    wishes = {name: numbers[name] for name in ("delay", "speed", "bandwidth")}
+    return gains_content(model, at, period, **wishes), gains_text
+
+
+__all__ = [
+    "ArmRequest",
+    "arm_options",
+    "checked",
+    "compared",
+    "diagnosed",
+    "gains_of",
+    "is_arm",
+    "refuse",
+    "refuse_elsewhere",
+]

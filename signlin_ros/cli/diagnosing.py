@@ -9,7 +9,7 @@ from typing import Any, cast
 
 import click
 
-from signlin_ros.cli.arms import arm_options, diagnosed, is_arm, refuse, refuse_elsewhere
+from signlin_ros.cli.arms import ArmRequest, arm_options, diagnosed, is_arm, refuse_elsewhere
 from signlin_ros.cli.options import (
     Examples,
     Report,
@@ -161,9 +161,8 @@ def _diagnosed(
     original = Model.load(model)
     check_files(original, data, validation, output, MODEL_SUFFIXES, report)
     if is_arm(original):
-        if report is not None:
-            refuse(original, "--report")
-        return diagnosed(verb, original, data, validation, mapping, band, fit_share, output, effect)
+        asked = ArmRequest(original, data, validation, mapping, band, fit_share, cures, report, tuple(signals))
+        return diagnosed(verb, asked, output, effect)
     refuse_elsewhere(original, band, fit_share)
     loaded, first, second = load_sides(original, data, validation, mapping)
     first, second = sides(first, second)

@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import click
 
-from signlin_ros.cli.arms import refuse
+from signlin_ros.cli.arms import gains_of, is_arm
 from signlin_ros.cli.options import Examples, Report, cure_option, json_option, mapping_of, signal_option
 from signlin_ros.cli.telling import progress, tell
 from signlin_ros.cli.values import by_own_name, numbers_of, positive
@@ -137,8 +137,9 @@ def gains(model: str, at: tuple[str, ...], **numbers: float | None) -> Report:
     from signlin_ros.model import Model
 
     loaded = Model.load(model)
-    refuse(loaded, "gains")
     own = by_own_name(loaded, point, "--at", loaded.states)
+    if is_arm(loaded):
+        return gains_of(loaded, own, numbers)
     progress("designing and simulating (the first run on a machine compiles for some seconds) ...")
     return gains_content(loaded, own, Wishes(**cast("dict[str, Any]", numbers))), gains_text
 

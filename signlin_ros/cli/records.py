@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from signlin_ros.cli.arms import arm_options, compared, is_arm, refuse, refuse_elsewhere
+from signlin_ros.cli.arms import ArmRequest, arm_options, checked, compared, is_arm, refuse_elsewhere
 from signlin_ros.cli.options import (
     Examples,
     Report,
@@ -66,9 +66,7 @@ def compare(
     original = Model.load(model)
     check_files(original, data, validation, report=report)
     if is_arm(original):
-        if report is not None:
-            refuse(original, "--report")
-        return compared(original, data, validation, mapping, band, fit_share)
+        return compared(ArmRequest(original, data, validation, mapping, band, fit_share, cures, report, tuple(signals)))
     refuse_elsewhere(original, band, fit_share)
     loaded, first, second = load_sides(original, data, validation, mapping)
     first, second = sides(first, second)
@@ -120,8 +118,9 @@ def check(model: str, data: tuple[str, ...], signals: tuple[str, ...], cures: tu
     from signlin_ros.model import Model
 
     original = Model.load(model)
-    refuse(original, "check")
     check_files(original, data)
+    if is_arm(original):
+        return checked(ArmRequest(original, data, signals=mapping, cures=cures))
     loaded, records = load_records(original, data, mapping)
     _, findings = run(loaded, records, cures)
     return to_json(findings), console.check_text
