@@ -140,7 +140,9 @@ def _of_joint(rows: RegressionRows, values: Array, i: int) -> list[tuple[Array, 
         for j in range(rows.n):
             kept = piece.index[piece.moving[:, j]]
             if j == i:
-                found.append((np.asarray(start + kept * piece.step), np.asarray(piece.v[kept, i]), values[at : at + kept.size]))
+                found.append(
+                    (np.asarray(start + kept * piece.step), np.asarray(piece.v[kept, i]), values[at : at + kept.size])
+                )
             at += kept.size
         start += len(piece.q) * piece.step
     return found

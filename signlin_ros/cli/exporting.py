@@ -8,7 +8,6 @@ from typing import Any
 
 import click
 
-from signlin_ros.cli.arms import refuse
 from signlin_ros.cli.options import Examples, Report, cure_option, json_option, mapping_of, signal_option
 from signlin_ros.cli.telling import progress, tell
 
@@ -57,7 +56,6 @@ def export(
     suffix = find_target(target).suffix
     mapping = mapping_of(signals, *([data] if data else []))
     loaded = Model.load(model)
-    refuse(loaded, "export")
     check_files(loaded, (data,) if data else (), output=output, kinds=(suffix,))
     record = None
     if data:

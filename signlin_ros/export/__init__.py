@@ -12,15 +12,17 @@ difference is measured.
 from __future__ import annotations
 
 import importlib
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from signlin_ros.errors import InputError, ModelError, choices, suggest
-from signlin_ros.export.base import Exported, Target
+from signlin_ros.export.base import Array, Exported, ExportedDrive, Target
 from signlin_ros.export.excitation import STATED, standard_excitation
 from signlin_ros.export.loss import Loss, drive_of, measure
 from signlin_ros.model import Model
+from signlin_ros.model.arm import ArmModel
 from signlin_ros.records import ModelData
 
 TARGETS = {
@@ -84,6 +86,8 @@ def export(model: Model, target: str, out: str | Path, data: ModelData | None = 
         raise InputError(f"{path}: --to {target} writes {found.suffix}")
     if not path.parent.is_dir():
         raise InputError(f"{path}: there is no folder {path.parent}")
+    if isinstance(model, ArmModel):
+        return _arm_export(model, target, found, path, data)
     if model.plant.velocity not in (*model.states, *model.inputs):
         raise ModelError(f"{model.source}: export takes a drive of one moving mass; {model.plant.name} has several")
     if data is not None:
@@ -91,16 +95,34 @@ def export(model: Model, target: str, out: str | Path, data: ModelData | None = 
         if model.is_rotary is None and model.turns(data.units):
             model = model.with_options(axis="rotary")  # the units of the record say so
     drive = standard_excitation(model) if data is None else drive_of(model, data)
+    exported, loss = _written(found, model, path, drive, None if data is None else data.measured)
+    return Export(target, exported, loss, STATED if data is None else data.source, found.smooth)
+
+
+def _arm_export(model: ArmModel, target: str, own: Target, path: Path, data: ModelData | None) -> Export:
+    """Return the export of an arm, run on a stated motion: efforts of a record alone soon lead anywhere."""
+    from signlin_ros.export.arm import DRIVEN, arm_target, motion_drive
+
+    found = arm_target(target, own)
+    if data is not None:
+        raise InputError(f"--data: is not taken for an arm; the file is run on {DRIVEN}")
+    exported, loss = _written(found, model, path, motion_drive(model))
+    return Export(target, exported, loss, DRIVEN, found.smooth)
+
+
+def _written(
+    target: Target, model: Model, path: Path, drive: ExportedDrive, measured: Mapping[str, Array] | None = None
+) -> tuple[Exported, Loss]:
+    """Return what was written, and what is lost of it as measured."""
     try:
-        exported = found.write(model, path, drive)
+        exported = target.write(model, path, drive)
     except OSError as error:
         raise InputError(f"cannot write {error.filename or path}: {error.strerror}") from error
-    loss = measure(found, exported, model, drive, None if data is None else data.measured)
+    loss = measure(target, exported, model, drive, measured)
     if loss.diverges:
-        exported = replace(
-            exported, lost=(*exported.lost, "the run in the target diverges: the file is of no use as it is")
-        )
-    return Export(target, exported, loss, STATED if data is None else data.source, found.smooth)
+        why = "the run in the target diverges: the file is of no use as it is"
+        exported = replace(exported, lost=(*exported.lost, why))
+    return exported, loss
 
 
 __all__ = ["TARGETS", "Export", "export", "find_target"]

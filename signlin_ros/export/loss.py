@@ -87,6 +87,8 @@ def measure(
 
 
 def _motion(model: Model) -> list[str]:
+    if model.plant.name == "arm":
+        return [name for name in model.states if name.rpartition(".")[2] in ("position", "velocity")]
     known = (model.plant.velocity, model.plant.position, "current")
     return [name for name in known if name in model.states]
 

@@ -14,7 +14,8 @@ from signlin_ros.model import Model
 
 _QUIET = '@np.errstate(divide="ignore", invalid="ignore", over="ignore")  # of branches that are not taken'
 _CONTROL_TAIL = '''_PLAIN = [name.replace(".", "_") for name in STATES]
-NAMES = {"states": _PLAIN, "inputs": INPUTS, "outputs": _PLAIN}
+_IN = [name.replace(".", "_") for name in INPUTS]
+NAMES = {"states": _PLAIN, "inputs": _IN, "outputs": _PLAIN}
 
 
 def linear_system(x=None, u=None):

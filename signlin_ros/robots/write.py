@@ -1,8 +1,11 @@
-"""A URDF with other inertial parameters: those of a joint's body in its link, and none in what is fixed to that."""
+"""A URDF with other inertial parameters, those of a joint's body in its link and none in what is fixed to that; or with
+friction in its joints.
+"""
 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +33,20 @@ def with_inertias(text: str, robot: Robot, pi: Array) -> str:
     return '<?xml version="1.0"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
 
 
+def with_dynamics(text: str, values: Mapping[str, tuple[float, float]]) -> str:
+    """Return the text of a URDF in which joints have a damping (N·m·s/rad, N·s/m) and a dry friction (N·m, N)."""
+    root = ET.fromstring(text, parser=ET.XMLParser(target=ET.TreeBuilder(insert_comments=True)))
+    for joint in root.findall("joint"):
+        if joint.get("name") not in values:
+            continue
+        for old in joint.findall("dynamics"):
+            joint.remove(old)
+        damping, friction = values[str(joint.get("name"))]
+        ET.SubElement(joint, "dynamics", damping=repr(damping), friction=repr(friction))
+    ET.indent(root)
+    return '<?xml version="1.0"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
+
+
 def _inertial(pi: Array) -> ET.Element:
     m = float(pi[0])
     centre = pi[1:4] / m if m > 0.0 else np.zeros(3)
@@ -43,4 +60,4 @@ def _inertial(pi: Array) -> ET.Element:
     return element
 
 
-__all__ = ["with_inertias"]
+__all__ = ["with_dynamics", "with_inertias"]
