@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from signlin_ros.model import Model
 
 Command = TypeVar("Command", bound=Callable[..., Any])
-VERBS = "check, compare, diagnose, add, refine, simulate, linearize, gains, export, workbench"
+VERBS = "check, compare, diagnose, add, refine, simulate, linearize, gains, export"
 """What takes arms."""
 
 
@@ -45,7 +45,7 @@ def is_arm(model: Model) -> bool:
 def refuse(model: Model, what: str) -> None:
     """Refuse a verb or an option that does not take arms."""
     if is_arm(model):
-        raise InputError(f"{what}: does not take an arm; arms: {VERBS}")
+        raise InputError(f"{what}: does not take an arm ({model.source}); arms: {VERBS}")
 
 
 def refuse_elsewhere(model: Model, band: float | None, fit_share: float | None) -> None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from signlin_ros.cli.arms import refuse
 from signlin_ros.cli.options import Examples, Report, cure_option, json_option, mapping_of, signal_option
 from signlin_ros.cli.telling import command_line, progress
 from signlin_ros.cli.values import numbers_of
@@ -89,6 +90,7 @@ def experiment(
     from signlin_ros.model import Model
 
     given = Model.from_yaml(told["given_model"], source) if told else Model.load(source)
+    refuse(given, "experiment")
     check_files(given, files, (), output, KINDS, report)
     loaded, first, _ = load_sides(given, files, (), mapping)
     first, _, _ = check_sides(loaded, first, None, cures)
