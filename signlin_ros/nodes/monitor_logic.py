@@ -224,6 +224,7 @@ class MonitorLogic:
         values = {"refused": str(sum(self.refused.values())), "kept [s]": f"{self._kept:.1f}"}
         if self._watch is not None:
             values["guard"] = "learning" if self._watch.trust is None else f"trusts the model to {self._watch.trust:g}"
+            values["gaps"] = f"{self._watch.gaps}{', settling after one' if self._watch.settling else ''}"
             values["change"] = f"{100 * self._watch.detector.level:.0f} % of what calls a change"
         if self._judged and self.model is not None:
             score = self._score()

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -89,6 +89,12 @@ class Innovations:
         seen = events.kinds >= 0
         return cls(events.times[seen], events.kinds[seen], found[seen, 0], found[seen, 1], found[seen, 2 : 2 + n])
 
+    @classmethod
+    def joined(cls, parts: Sequence[Innovations]) -> Innovations:
+        """Put some together, one after the other."""
+        names = ("t", "channel", "value", "variance", "x")
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
     def part(self, which: NDArray[np.bool_]) -> Innovations:
         """Return some of them, by a mask (E,)."""
         return Innovations(self.t[which], self.channel[which], self.value[which], self.variance[which], self.x[which])
@@ -146,6 +152,7 @@ class KalmanObserver:
         self._usual, self._score, self._clock = np.zeros((count, n)), np.zeros(count), np.zeros(1)
         self._missed = np.zeros(len(self.channels), dtype=np.int64)
         self._queue: list[Event] = []
+        self._gaps: list[float] = []
         self._last, self._started = -np.inf, False
         self._step = MAX_FILTER_STEP
 
@@ -178,6 +185,10 @@ class KalmanObserver:
         value = np.array(u, dtype=float).reshape(self._inputs.size)
         self._queue.append((t + self.model.delay, INPUT, value))
 
+    def lose(self, t: float) -> None:
+        """Take note that what came before time t does not tell the state from then on: something was lost."""
+        self._gaps.append(t - self._late)
+
     def take(self, t: float, measured: Mapping[str, float]) -> None:
         """Take what the sensors show at time t, by name; NaN and absent is not measured."""
         if t <= self._last:
@@ -199,11 +210,38 @@ class KalmanObserver:
         events, self._queue = self._queue[:count], self._queue[count:]
         if not self._started:
             events = self._begin(events)
-        arrays = _Events.of(events, max(self._inputs.size, 1))
-        innovations = Innovations.of(arrays, self._run_all(arrays, *self._filters), len(self.model.states))
+        found = [self._between(part) for part in self._parts(events)]
+        innovations = found[0] if len(found) == 1 else Innovations.joined(found)
         if self._learning:
             self._learn(innovations)
         return innovations
+
+    def _parts(self, events: list[Event]) -> Iterator[list[Event]]:
+        """Yield the events between gaps in turn; what is known of the state is doubted before each but the first."""
+        ready = self._last - self._late
+        for gap in [gap for gap in self._gaps if gap <= ready]:
+            count = next((i for i, event in enumerate(events) if event[0] >= gap), len(events))
+            yield events[:count]
+            events = events[count:]
+            self._doubt_state()
+        self._gaps = [gap for gap in self._gaps if gap > ready]
+        yield events
+
+    def _between(self, events: list[Event]) -> Innovations:
+        """Run the filters over events without a gap."""
+        arrays = _Events.of(events, max(self._inputs.size, 1))
+        return Innovations.of(arrays, self._run_all(arrays, *self._filters), len(self.model.states))
+
+    def _doubt_state(self) -> None:
+        """Let the state be as little known as at the start; its values stay, and what is usual."""
+        _, spread = _start(self.model, {})
+        position = self.model.plant.position
+        if position in self.channels:
+            spread[self.model.states.index(position)] = UNKNOWN_DEVIATION
+        n = spread.size
+        variance = np.einsum("fik,fk->fi", self._U**2, self._D)
+        variance[:, :n] = np.maximum(variance[:, :n], spread**2)
+        self._D[:], self._U[:] = variance, np.eye(variance.shape[1])
 
     @property
     def _filters(self) -> tuple[NDArray[Any], ...]:

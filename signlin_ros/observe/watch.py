@@ -6,6 +6,7 @@ guard alone, with a trust and a noise that do not adapt: its innovations grow wh
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable, Mapping
 
 import numpy as np
@@ -26,6 +27,10 @@ START_TIME = 1.0
 """Seconds at the start that tell nothing of the model."""
 MAX_GUARD_INNOVATION = 400.0
 """A squared innovation counts so much at most."""
+GAP, PACE_SAMPLES, LEAST_PACE = 5.0, 100, 20
+"""An interval of so many usual ones is a gap; usual is the median of so many of the last ones, and so many at least."""
+SETTLING = START_TIME
+"""Seconds after a gap in which nothing is judged: the state is found anew."""
 SHIFT, TOGGLED, FORM_SAMPLES, FEWEST_FORMS = 5.0, 60, 6, 8
 """What a shift does is tried with one of so many standard deviations of the noise, to and fro every so many samples;
 so many innovations are looked at, and so many shifts are needed."""
@@ -35,6 +40,28 @@ STANDING_SHARE = 0.02
 """Share of the largest speed seen, below which a machine counts as standing or turning."""
 IN_MOTION, AFTER_REVERSAL, SLOWED = 0, 1, 2
 """Situations: in motion; just after a reversal; slower than that."""
+
+
+class Pace:
+    """How often something comes, and since when it is missed."""
+
+    def __init__(self) -> None:
+        self._last, self._intervals = np.nan, deque[float](maxlen=PACE_SAMPLES)
+
+    def take(self, t: float) -> bool:
+        """Take a time in s; returns whether something was lost since the one before."""
+        missed = self.missed(t)
+        if self._last == self._last:
+            self._intervals.append(t - self._last)
+        self._last = t
+        return missed
+
+    def missed(self, t: float) -> bool:
+        """Tell whether it should have come again before time t. What comes at any time, as on a change, is not."""
+        if len(self._intervals) < LEAST_PACE or t - self._last <= GAP * min(self._intervals):
+            return False
+        usual, long = np.percentile(self._intervals, [50, 90])
+        return bool(long < GAP * usual < t - self._last)
 
 
 class Watch:
@@ -50,7 +77,10 @@ class Watch:
             trust: KalmanObserver(model, self.channels, trusts=(trust,), doubt=JUMP_DOUBT) for trust in GUARDS
         }
         self._likelihood = dict.fromkeys(GUARDS, 0.0)
-        self._heard: list[tuple[float, Array | Mapping[str, float]]] = []
+        self._heard: list[tuple[float, Array | Mapping[str, float] | None]] = []
+        self._pace, self._input_pace = Pace(), Pace()
+        self._gaps, self.gaps = list[tuple[float, float]](), 0
+        self._last = -np.inf
         self._begun, self._fastest, self._slow_at = np.nan, 0.0, -np.inf
 
     @property
@@ -64,23 +94,44 @@ class Watch:
         return next(iter(self._guards)) if len(self._guards) == 1 else None
 
     @property
+    def settling(self) -> bool:
+        """Whether nothing is judged now, because something was lost."""
+        return bool(self._gaps) and self._last < self._gaps[-1][1] + SETTLING
+
+    @property
     def sigma(self) -> dict[str, float]:
         """Standard deviation of the noise of each channel."""
         return next(iter(self._guards.values())).sigma
 
     def take_input(self, t: float, u: ArrayLike) -> None:
         """Take an input (m,) that is held from time t on."""
+        self._input_pace.take(t)
         if self.trust is None:
             self._heard.append((t, np.array(u, dtype=float)))
         for guard in self._guards.values():
             guard.take_input(t, u)
 
     def take(self, t: float, shown: Mapping[str, float]) -> None:
-        """Take what the sensors show at time t, by name."""
+        """Take what the sensors show at time t, by name; after a gap nothing is judged for `SETTLING` s."""
+        self._last = t
+        if self._pace.take(t) or (self._input_pace.missed(t) and not self._input_pace.missed(t - SETTLING)):
+            self._lose(t)
         if self.trust is None:
             self._heard.append((t, dict(shown)))
         for guard in self._guards.values():
             guard.take(t, shown)
+
+    def _lose(self, t: float) -> None:
+        """Doubt the state at time t."""
+        if self.settling:
+            self._gaps[-1] = (self._gaps[-1][0], t)
+        else:
+            self._gaps.append((t, t))
+            self.gaps += 1
+        if self.trust is None:
+            self._heard.append((t, None))
+        for guard in self._guards.values():
+            guard.lose(t)
 
     def work(self) -> tuple[Innovations, Alarm | None]:
         """Work off what has come; returns the innovations of the likeliest guard, and a change as it is called."""
@@ -99,7 +150,7 @@ class Watch:
         return found[best], None
 
     def _compare(self, trust: float, innovations: Innovations) -> None:
-        late = innovations.part(innovations.t >= self._begun + START_TIME)
+        late = innovations.part(self._tells(innovations.t))
         z, variance = late.sizes, late.variance
         self._likelihood[trust] -= 0.5 * float(
             np.sum(np.log(variance + 1e-300) + np.minimum(z**2, MAX_GUARD_INNOVATION))
@@ -111,7 +162,7 @@ class Watch:
         guard, usual = self._repeated(trust, noise, None)
         self.detector = ChangeDetector(self._learn, signatures=self._signatures(trust, noise, usual))
         self._guards, self._heard = {trust: guard}, []
-        self._guard(usual.part(usual.t >= self._begun + START_TIME))
+        self._guard(usual)
 
     def _signatures(self, trust: float, noise: Mapping[str, float], plain: Innovations) -> dict[int, Array]:
         """Return what a shift of each channel adds to its innovations, by what was heard up to now, shifted."""
@@ -129,6 +180,9 @@ class Watch:
         observer, count = KalmanObserver(self.model, self.channels, noise, (trust,), JUMP_DOUBT), 0
         observer.hold_noise()
         for t, what in self._heard:
+            if what is None:
+                observer.lose(t)
+                continue
             if not isinstance(what, Mapping):
                 observer.take_input(t, what)
                 continue
@@ -141,8 +195,16 @@ class Watch:
         return observer, observer.work()
 
     def _guard(self, innovations: Innovations) -> Alarm | None:
-        situations = self._situations(innovations.t, innovations.x)
-        return self.detector.take(innovations.t, innovations.sizes, situations, innovations.channel)
+        seen = innovations.part(self._tells(innovations.t))
+        self._gaps = [gap for gap in self._gaps if self._last < gap[1] + 2 * SETTLING]
+        return self.detector.take(seen.t, seen.sizes, self._situations(seen.t, seen.x), seen.channel)
+
+    def _tells(self, t: Array) -> NDArray[np.bool_]:
+        """Return at which of the times (E,) the state is known well enough to judge the model by it."""
+        told = np.ones(t.shape, dtype=bool)
+        for begun, ended in [(-np.inf, self._begun), *self._gaps]:
+            told &= (t < begun) | (t >= ended + SETTLING)
+        return told
 
     def _situations(self, t: Array, x: Array) -> NDArray[np.int64]:
         """Return the situation (E,) at each of the states x (E, n)."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 import numpy as np
 import pytest
@@ -45,8 +45,10 @@ class Rig:
         v = 3 * w * np.cos(w * t) + 1.84 * w * np.cos(2.3 * w * t)
         return 3 * np.sin(w * t) + 0.8 * np.sin(2.3 * w * t), v
 
-    def go(self, until: float, lost: Iterable[tuple[float, float]] = ()) -> None:
-        """Run until a time in s; what is shown in the ``lost`` spans (from, to) does not come."""
+    def go(
+        self, until: float, lost: Collection[tuple[float, float]] = (), without: Collection[str] = ("states",)
+    ) -> None:
+        """Run until a time in s; states, or inputs, do not come in the ``lost`` spans (from, to)."""
         while self.k * STEP < until:
             t = self.k * STEP
             now = round(t * NANO)
@@ -57,8 +59,10 @@ class Rig:
             wanted, v = self.reference(t)
             push = 0.03 * np.tanh(v / 0.3) + 0.04 * np.sin(wanted)
             self.u = 0.0805 * v + 0.764 / 0.0805 * push + 3.0 * (wanted - shown["position"])
-            self.logic.take_input(np.array([self.u]), now)
-            if not any(begun <= t < ended for begun, ended in lost):
+            away = any(begun <= t < ended for begun, ended in lost)
+            if not away or "inputs" not in without:
+                self.logic.take_input(np.array([self.u]), now)
+            if not away or "states" not in without:
                 self.logic.take_shown({name: shown[name] for name in self.channels}, now)
             self.plant.advance(STEP, [self.gain * self.u])
             if self.k % 20 == 19:
@@ -117,3 +121,25 @@ def test_what_a_machine_does_most_is_named_with_its_size(what: str, name: str, v
 @pytest.mark.slow
 def test_a_change_that_no_hypothesis_holds_is_not_named() -> None:
     assert named("cogging", seed=5) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("channels", "without"),
+    [
+        (("position",), ("states",)),
+        (("position", "speed", "current"), ("states",)),
+        (("position", "speed", "current"), ("states", "inputs")),
+        (("position",), ("inputs",)),
+    ],
+)
+def test_what_is_lost_is_no_change(channels: tuple[str, ...], without: tuple[str, ...]) -> None:
+    rig = Rig(1, wrong=0.5, channels=channels)
+    gaps = [(38.0 + 2.37 * k, 38.0 + 2.37 * k + (0.17 if k % 2 else 0.4)) for k in range(10)]
+    rig.go(62.0, gaps, without)
+    assert rig.logic.alarm is None
+    assert rig.logic.health(round(62 * NANO)).values["gaps"] == "10"
+    rig.change("shift")
+    rig.go(63.0)
+    assert rig.logic.alarm is not None
+    assert rig.logic.alarm.onset == pytest.approx(62.0, abs=0.1)
