@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.experiment.ties import TIES, Tie
+from signlin_ros.diagnosis.discrimination import PlannedRival
 from signlin_ros.diagnosis.results import Diagnosis
 from signlin_ros.diagnosis.verbs import diagnose
 from signlin_ros.errors import SignlinError
@@ -94,6 +95,7 @@ def planned(tie: Tie, which: int, seed: int, folder: Path) -> Row:
     row |= {"sentence": plan.sentence, "peak": float(np.abs(plan.u).max()), "beyond": beyond(tie, which, plan)}
     (folder / "plan.json").write_text(json.dumps(plan.to_json()))
     (folder / "next.csv").write_text(plan.to_csv())
+    (folder / "next.rivals.json").write_text(plan.to_rivals())
     name = names[0].replace("_", " ")
     own = [p for p in plan.pairs if name in p.rivals]
     told_apart = [p for p in own if p.expected >= NEEDED_EVIDENCE]
@@ -109,7 +111,8 @@ def judged(tie: Tie, which: int, folder: Path, row: Row) -> Row:
     names = set(tie.machines[which].names)
     model, data = read(tie, [folder / f"{name}.csv" for name in ("first", "r0", "r1")])
     started = time.process_time()
-    found = diagnose(model, data[:-1], data[-1:], jobs=1)
+    told = json.loads((folder / "next.rivals.json").read_text())["rivals"]
+    found = diagnose(model, data[:-1], data[-1:], jobs=1, rivals=[PlannedRival.of_json(one) for one in told])
     named = list(found.ladder[-1].effects)
     confirmed = [e.effect for e in found.ranking if e.status == "confirmed" and e.effect in named]
     row |= {"named": named, "confirmed": confirmed, "then": found.verdict, "told": found.sentence}

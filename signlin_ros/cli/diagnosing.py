@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import click
 
@@ -24,6 +25,9 @@ from signlin_ros.cli.options import (
 )
 from signlin_ros.cli.telling import command_line, progress
 from signlin_ros.errors import InputError
+
+if TYPE_CHECKING:
+    from signlin_ros.diagnosis.discrimination import PlannedRival
 
 
 def _diagnosis_options(function: Callable[..., Report]) -> Callable[..., None]:
@@ -49,6 +53,12 @@ def _diagnosis_options(function: Callable[..., Report]) -> Callable[..., None]:
     epilog="""signlin diagnose my_motor.yaml monday.csv --validation tuesday.csv
 signlin diagnose my_motor.yaml run_1.csv run_2.csv --report diagnosis.html
 signlin diagnose my_motor.yaml run.mcap --json > diagnosis.json""",
+)
+@click.option(
+    "--rivals",
+    metavar="FILE.json",
+    help="Rivals of signlin experiment (or of diagnose --json): each is refitted from its own values, and must lose"
+    " before another law is confirmed.",
 )
 @_diagnosis_options
 def diagnose(**options: Any) -> Report:
@@ -147,6 +157,7 @@ def _diagnosed(
     effect: str | None = None,
     band: float | None = None,
     fit_share: float | None = None,
+    rivals: str | None = None,
 ) -> Report:
     mapping = mapping_of(signals, *data, *validation)
     from signlin_ros import console
@@ -161,6 +172,8 @@ def _diagnosed(
     original = Model.load(model)
     check_files(original, data, validation, output, MODEL_SUFFIXES, report)
     if is_arm(original):
+        if rivals is not None:
+            refuse(original, "--rivals")
         asked = ArmRequest(original, data, validation, mapping, band, fit_share, cures, report, tuple(signals))
         return diagnosed(verb, asked, output, effect)
     refuse_elsewhere(original, band, fit_share)
@@ -170,7 +183,8 @@ def _diagnosed(
     records = [*first, *(second or ())]
     progress(f"{verb}: {sum(map(len, records))} samples (the first run on a machine compiles for some seconds) ...")
     arguments = (*([effect] if effect else []), loaded, first, second)
-    result = getattr(page, verb)(*arguments, jobs=jobs or os.cpu_count() or 1, progress=_stage)
+    more = {"rivals": _rivals(rivals)} if rivals is not None else {}
+    result = getattr(page, verb)(*arguments, jobs=jobs or os.cpu_count() or 1, progress=_stage, **more)
     result = printed(result, original, output, records)
     if output is not None:
         try:
@@ -188,6 +202,22 @@ def _diagnosed(
         )
         diagnosis_report(result, report, command=command, data=(first, second), model=loaded, record=findings)
     return {**result.to_json(), "data": [*data, *validation], "record": to_json(findings)}, console.diagnosis_text
+
+
+def _rivals(path: str) -> Sequence[PlannedRival]:
+    """Return the rivals of a plan's file or of the JSON of a diagnosis; raise `InputError` for what is none."""
+    from signlin_ros.diagnosis.discrimination import PlannedRival
+
+    try:
+        content = json.loads(Path(path).read_text(encoding="utf-8"))
+        told = content["rivals"]
+    except OSError as error:
+        raise InputError(f"--rivals: cannot read {path}: {error.strerror}") from error
+    except (ValueError, TypeError, KeyError) as error:
+        raise InputError(f"--rivals: {path} is no file of rivals: signlin experiment writes one") from error
+    if not isinstance(told, list) or not all(isinstance(one, dict) for one in told):
+        raise InputError(f"--rivals: {path} is no file of rivals: signlin experiment writes one beside its command")
+    return [PlannedRival.of_json(one) for one in told]
 
 
 def _stage(what: str, share: float) -> None:

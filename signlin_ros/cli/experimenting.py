@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from signlin_ros.records import ModelData
 
 KINDS = (".csv",)
+RIVALS = ".rivals.json"
+"""How the file of the rivals ends, beside that of the command."""
 
 
 @click.command(
@@ -30,7 +32,7 @@ KINDS = (".csv",)
     epilog="""signlin experiment my_motor.yaml monday.csv --limit voltage=6 --limit speed=80 -o next.csv
 signlin diagnose my_motor.yaml monday.csv --json > diagnosis.json
 signlin experiment diagnosis.json --between coulomb_friction,stribeck_friction -o next.csv --report next.html
-signlin diagnose my_motor.yaml monday.csv next.csv --validation next_again.csv""",
+signlin diagnose my_motor.yaml monday.csv next.csv --validation next_again.csv --rivals next.rivals.json""",
 )
 @click.argument("source", metavar="MODEL|DIAGNOSIS.json")
 @click.argument("data", nargs=-1, metavar="[DATA...]")
@@ -73,8 +75,9 @@ def experiment(
     """Design the next record: the command over time that tells rivals of a diagnosis apart, within limits.
 
     The rivals are those that the diagnosis of DATA with MODEL, or the JSON of `signlin diagnose --json`, does not
-    exclude. OUT.csv is the quietest command that is enough, at rest at both ends; record it twice. Where no command
-    tells them apart, it says so, and what else would.
+    exclude. OUT.csv is the quietest command that is enough, at rest at both ends; record it twice. OUT.rivals.json
+    beside it is what `signlin diagnose --rivals` starts from. Where no command tells them apart, it says so, and what
+    else would.
     """
     if not 0.0 <= spare < 1.0:
         raise InputError(f"--spare: found {spare:g}; allowed: 0 to below 1")
@@ -98,14 +101,21 @@ def experiment(
     dt = click.get_current_context().meta.get("signlin.dt")
     wishes = ExperimentWishes(tuple(names), numbers, duration, dt, spare, seed)
     model = "MODEL" if told else source
+    known = Path(output).with_suffix(RIVALS)
     after = command_line(
-        ("diagnose", model, *files, output), validation=_again(output), signal=signals, cure=cures, output=None
+        ("diagnose", model, *files, output),
+        validation=_again(output),
+        rivals=str(known),
+        signal=signals,
+        cure=cures,
+        output=None,
     )
     plan = designed(loaded, first, rivals, wishes, _stage, after)
     if told:
         plan = replace(plan, after=after.replace("MODEL", "MODEL.yaml", 1))
     try:
         write_text(output, plan.to_csv())
+        write_text(known, plan.to_rivals())
         if plan.reference:
             write_text(Path(output).with_suffix(".trajectory.yaml"), plan.to_trajectory("joint"))
     except OSError as error:

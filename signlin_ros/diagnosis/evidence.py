@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,9 @@ from signlin_ros.diagnosis.results import FirstRows, LadderRow, Scores
 from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.effects.base import Effect, SensorEffect
 from signlin_ros.threads import one_thread
+
+if TYPE_CHECKING:
+    from signlin_ros.diagnosis.discrimination import RefittedRival
 
 Array = NDArray[np.float64]
 Tell = Callable[[str], None]
@@ -50,7 +54,7 @@ def equation_error_of(
 @dataclass(eq=False)
 class Evidence:
     """``force``: None where forces do not tell; ``tried``: all models that were fitted out; ``contradicted``: the base
-    as the motion alone would have it, where the forces contradict that (`grounded`).
+    as the motion alone would have it, where the forces contradict that (`grounded`); ``rivals``: those of a plan.
     """
 
     case: Dataset
@@ -59,6 +63,7 @@ class Evidence:
     tried: list[FittedModel] = field(default_factory=list)
     _written: dict[FittedModel, Array] = field(default_factory=dict, repr=False)
     contradicted: FittedModel | None = None
+    rivals: tuple[RefittedRival, ...] = ()
 
     def grounded(self) -> Evidence:
         """Return the same of a model with base parameters held at what the force tells of them, where the motion's own

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from signlin_ros.diagnosis import closed_loop, messages
+from signlin_ros.diagnosis.discrimination import told, undecided
 from signlin_ros.diagnosis.evidence import WHOLE_EFFORT
 from signlin_ros.diagnosis.output_error import FittedModel
 from signlin_ros.diagnosis.output_error.fitted import held
@@ -25,7 +26,7 @@ def summary_of(j: Verdict) -> Diagnosis:
     model = rounded(j.final.model, j.final.parameters)
     return Diagnosis(
         verdict=j.verdict,
-        sentence=messages.sentence(j),
+        sentence=" ".join(filter(None, (messages.sentence(j), told(w, j.final)))),
         base=_parameters(j, j.base),
         parameters=_parameters(j, j.final),
         ranking=ranking,
@@ -101,6 +102,9 @@ def _named(j: Verdict, effect: str, ties: tuple[str, ...]) -> RankingEntry:
     """Return the entry of an effect that is proposed."""
     once = j.unexplained == "once" and effect in j.remembers
     once |= j.unexplained == "loop" and effect == j.loop
+    open_ones = [r.effects for r in undecided(j.evidence, j.final)]
+    once |= any(effect not in effects for effects in open_ones)
+    ties = tuple(sorted({*ties, *(n for effects in open_ones for n in effects if n not in j.names)}))
     status = "ambiguous" if once or any(not _richer(t, effect) for t in ties) else "confirmed"
     if j.refused or (j.unexplained and REASONS[j.unexplained].rejects):
         status = "rejected"

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import count
 from typing import Any
 
 from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA, Criteria
 from signlin_ros.diagnosis.dataset import Records, dataset_of
+from signlin_ros.diagnosis.discrimination import PlannedRival, discriminated, refitted
 from signlin_ros.diagnosis.evidence import Seen, Tell, evidence_of
 from signlin_ros.diagnosis.output_error.trials import trials
 from signlin_ros.diagnosis.parts import without_idle
@@ -35,18 +36,26 @@ def diagnose(
     cancelled: Callable[[], bool] | None = None,
     seen: Seen | None = None,
     criteria: Criteria = DEFAULT_CRITERIA,
+    rivals: Sequence[PlannedRival] = (),
 ) -> Diagnosis:
     """Name the physical effects that a model lacks, or say that none fits, none is missing, or what cannot be told.
 
     data, validation: records in the model's terms (`signlin_ros.records.read_for_model`). ``jobs``: threads;
     ``progress``: told of what is done, and how much of all; ``cancelled``: asked whether to stop, which raises
-    `CancelledError`; ``seen``: told, from any thread, of every fit. Raises `RecordError` for unusable records.
+    `CancelledError`; ``seen``: told, from any thread, of every fit; ``rivals``: those of a planned experiment, each is
+    refitted from its own values and must lose before another law is confirmed. Raises `RecordError` for unusable
+    records.
     """
     prepared, tell = dataset_of(model, data, validation), _stages(progress)
     both = evidence_of(prepared, criteria, tell, jobs, cancelled, seen)
     tell("motion with what the force shows" if both.force and both.force.effects else "motion")
     both = both.grounded()
-    return summary_of(without_idle(verdict_of(both, *select_model(both))))
+    selected = select_model(both)
+    if rivals:
+        tell("rivals of the plan")
+        both.rivals = refitted(both, rivals)
+        selected = discriminated(both, *selected)
+    return summary_of(without_idle(verdict_of(both, *selected)))
 
 
 def refine(

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.diagnosis.discrimination import PlannedRival
 from signlin_ros.effects import EFFECTS
 from signlin_ros.effects.base import SensorEffect
 from signlin_ros.errors import SimulationError
@@ -31,7 +32,8 @@ SIGMA_DIRECTIONS = 2
 @dataclass(frozen=True, eq=False)
 class Contender:
     """A rival: ``effects`` beyond the model as given, the ``candidate`` that a fit moves, its estimate ``theta`` (n,),
-    the ``information`` (n, n) of the first records about it, and the smallest ``size`` at which it is of interest.
+    the ``information`` (n, n) of the first records about it, and the smallest ``size`` at which it is of interest;
+    ``told``: the model as it was told, where the estimate may be smaller than that; ``minima``: others of its fit.
     """
 
     effects: tuple[str, ...]
@@ -39,6 +41,8 @@ class Contender:
     theta: Array
     information: Array
     size: Size | None = None
+    told: Model | None = field(default=None, repr=False)
+    minima: tuple[Array, ...] = ()
     models: dict[bytes, Model] = field(default_factory=dict, repr=False)
 
     @property
@@ -77,15 +81,21 @@ class Contender:
 
     @property
     def sigma_points(self) -> list[Array]:
-        """Coordinates (n,) a standard error away from the estimate, in the directions of the largest uncertainty."""
+        """Coordinates (n,) of other minima, then a standard error away, where the uncertainty is the largest."""
         values, axes = np.linalg.eigh(self.information)
         low, high = self.bounds
-        found = []
+        found = list(self.minima)
         for i in range(min(SIGMA_DIRECTIONS, values.size)):
             step = axes[:, i] / np.sqrt(max(float(values[i]), 1e-12))
             step *= min(1.0, MAX_LOG_SIGMA / max(float(np.abs(step).max()), 1e-12))
             found += [np.clip(self.theta + s * step, low, high) for s in (1.0, -1.0)]
         return found
+
+    def planned(self) -> PlannedRival:
+        """Return what a diagnosis of the planned records is told of it: where fits start, and what is of interest."""
+        first = [self.told] if self.told else []
+        starts = (*first, *(self.model_at(theta) for theta in (self.theta, *self.sigma_points)))
+        return PlannedRival(self.effects, starts, self.size.bounds if self.size else {})
 
     def drawn(self, g: np.random.Generator, count: int) -> list[Array]:
         """Return coordinates (n,) drawn from the estimate's distribution, within bounds."""
@@ -125,7 +135,7 @@ def contender(problem: Problem, model: Model, effects: Sequence[str], informatio
     """Return a model of the same plant with more effects as a contender; ``information``: see `Contender`, by default
     what priors know.
     """
-    base, sensors = problem.base, dict[str, float]()
+    base, sensors, whole = problem.base, dict[str, float](), model
     for key, use in list(model.effects.items()):
         if issubclass(EFFECTS[use.type], SensorEffect) and key not in base.effects:
             sensors |= {f"{use.type}.{channel}": value for channel, value in use.parameters.items()}
@@ -138,7 +148,7 @@ def contender(problem: Problem, model: Model, effects: Sequence[str], informatio
     c = replace(c, values={n: given.get(n, v) for n, v in c.values.items()})
     known = np.diag([1.0 / k.spread**2 for k in c.coordinates]) if information is None else information
     size = size_of(problem, c, theta)
-    found = Contender(tuple(effects), c, theta, known, size)
+    found = Contender(tuple(effects), c, theta, known, size, whole)
     low, high = found.bounds
     return replace(found, theta=np.clip(theta, low, high))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -9,6 +10,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from signlin_ros.diagnosis.discrimination import PlannedRival
 
 Array = NDArray[np.float64]
 
@@ -81,7 +84,7 @@ class ExperimentPlan:
     """The next experiment. ``verdict``: enough, little (less than is asked for) or none; ``t``, ``u`` (T,): the command
     of the input ``input`` in ``unit``; ``limits`` by name, ``assumed`` those that nobody gave; ``smallest``: by rival,
     the smallest size of what it adds that would show, in words; ``preview``: what rivals would show; ``reference``:
-    whether the command is the reference of a loop that is closed.
+    whether the command is the reference of a loop that is closed; ``known``: the rivals as `diagnose` takes them.
     """
 
     verdict: str
@@ -106,6 +109,7 @@ class ExperimentPlan:
     preview: Any = field(default=None, repr=False, compare=False)
     tried: int = 0
     reference: bool = False
+    known: tuple[PlannedRival, ...] = field(default=(), repr=False, compare=False)
 
     @property
     def step(self) -> float:
@@ -143,6 +147,10 @@ class ExperimentPlan:
         """Return the command as a table: t and the input, as `signlin simulate` and a logger take it."""
         rows = (f"{t:.9g},{u:.9g}" for t, u in zip(self.t.tolist(), self.u.tolist(), strict=True))
         return "\n".join([f"t,{self.input}", *rows]) + "\n"
+
+    def to_rivals(self) -> str:
+        """Return the rivals as JSON: what `signlin diagnose --rivals` starts its fits from."""
+        return json.dumps({"rivals": [one.to_json() for one in self.known]}, indent=1) + "\n"
 
     def to_trajectory(self, joint: str) -> str:
         """Return a reference as a trajectory_msgs/JointTrajectory in YAML, positions and velocities of a joint."""

@@ -12,6 +12,7 @@ from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import InputError, choices, suggest
 from signlin_ros.experiment.contenders import Contender, contender, information_of
 from signlin_ros.experiment.distance import RivalBench
+from signlin_ros.experiment.minima import EXCLUDED, REFIT_STEPS, led, with_minima
 from signlin_ros.fitting.fit import evaluated, fit
 from signlin_ros.fitting.following import follow_records
 from signlin_ros.fitting.gains import ObserverGains
@@ -24,14 +25,10 @@ Array = NDArray[np.float64]
 
 MAX_PLANNED_RIVALS = 5
 """Most rivals that are planned for: each pair costs refits."""
-EXCLUDED = 60.0
-"""-2 log likelihood of the first records beyond the best rival's from which on one needs no experiment."""
 OBSERVER_LEVEL = 2
 """Which of the observers a command is judged through: that of the last but one gain, as fits end with."""
 SETTLES, REST_SPEED_SHARE = 0.3, 0.02
 """s after which a machine at rest must still be there, within that part of its speed in the first records."""
-SIZE_REFIT_STEPS = 8
-"""Steps of a refit at a size of interest."""
 MAX_BISECTIONS = 30
 """Most bisections for the input that holds a machine."""
 
@@ -99,12 +96,13 @@ def bench_of(
     problem, _ = prepared(given, records, records)
     gains = gains_of(problem)
     contenders, left = [], []
+    others = [(r.effects[0], r.model) for r in rivals if len(r.effects) == 1]
     for r in rivals:
         check()
         c = contender(problem, r.model, r.effects, None)
-        information = information_of(c.candidate, c.theta, r.parameters, r.covariance)
-        c = replace(c, theta=_sized(problem, c), information=information)
-        contenders.append(c)
+        c = replace(c, information=information_of(c.candidate, c.theta, r.parameters, r.covariance))
+        c = _sized(problem, led(problem, c, gains, others))
+        contenders.append(with_minima(problem, c, gains, check))
         found = follow_records(problem, c.candidate, c.theta, gains, False)
         if found is not None:
             left.append(np.sqrt(np.nanmean(np.concatenate(found[0]) ** 2, axis=0)))
@@ -119,14 +117,14 @@ def gains_of(problem: Problem) -> ObserverGains:
     return problem.levels[min(OBSERVER_LEVEL, len(problem.levels) - 1)]
 
 
-def _sized(problem: Problem, c: Contender) -> Array:
-    """Return the estimate of a rival of which a size is of interest, at that size or beyond."""
+def _sized(problem: Problem, c: Contender) -> Contender:
+    """Return a rival of which a size is of interest at its estimate of that size or beyond."""
     if c.size is None:
-        return c.theta
+        return c
     bounds = zip(c.candidate.coordinates, *(side.tolist() for side in c.bounds), strict=True)
     own = replace(c.candidate, coordinates=tuple(replace(k, low=a, high=b) for k, a, b in bounds), starts={})
-    found = fit(problem, own, gains_of(problem), c.theta, SIZE_REFIT_STEPS)
-    return np.asarray(c.theta if found is None else found.theta)
+    found = fit(problem, own, gains_of(problem), np.clip(c.theta, *c.bounds), REFIT_STEPS)
+    return c if found is None else replace(c, theta=found.theta)
 
 
 def open_ones(bench: RivalBench, rivals: Sequence[KnownLimits]) -> list[KnownLimits]:

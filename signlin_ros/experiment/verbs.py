@@ -221,7 +221,9 @@ def _told(
 
 
 def _kin(a: Contender, b: Contender) -> bool:
-    """Tell whether two rivals are laws of one family, one of them richer."""
+    """Tell whether one rival contains the other: it has more effects, or is a richer law of one family."""
+    if set(a.effects) < set(b.effects) or set(b.effects) < set(a.effects):
+        return True
     families = [EFFECTS[c.effects[0]].family if len(c.effects) == 1 else "" for c in (a, b)]
     return bool(families[0]) and families[0] == families[1] and a.theta.size != b.theta.size
 
@@ -307,6 +309,7 @@ def _plan(
         preview=preview(search, best, told),
         tried=len(search.tried),
         reference=base.plant.closed_loop,
+        known=tuple(c.planned() for c in bench.contenders),
     )
     return replace(plan, sentence=text.sentence(plan))
 

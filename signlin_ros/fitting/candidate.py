@@ -53,6 +53,12 @@ class Coordinate:
         """Return d parameter / d coordinate."""
         return self.value(theta) if self.log else self.unit
 
+    def within(self, least: float, most: float) -> Coordinate:
+        """Return the same between two values of the parameter, infinite where there is no bound."""
+        low = max(self.low, self.theta(least)) if np.isfinite(least) else self.low
+        high = min(self.high, self.theta(most)) if np.isfinite(most) else self.high
+        return replace(self, low=min(low, high), high=high)
+
     def nothing(self, effect: type[Effect]) -> float:
         """Return the coordinate at which an effect that has this parameter does nothing."""
         name = self.name.rpartition(".")[2]

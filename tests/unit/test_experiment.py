@@ -21,6 +21,7 @@ from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import InputError
 from signlin_ros.experiment.families import COMMAND_FAMILIES, asked_by
 from signlin_ros.experiment.limits import limits_of
+from signlin_ros.experiment.minima import led_by
 from signlin_ros.experiment.naming import open_names
 from signlin_ros.experiment.parts import PART_KINDS, Part, in_words, rendered, slowed
 from signlin_ros.experiment.plan import ExperimentPlan
@@ -141,11 +142,14 @@ def test_a_plan_decides_what_the_first_record_could_not(one_way, planned, capsys
     files = [recorded(one_way, f"{n}.csv", true, t, u, seed) for n, seed in (("run", 2), ("again", 3))]
     capsys.readouterr()
     first = ("diagnose", one_way / "model.yaml", one_way / "first.csv")
-    assert run(*first, files[0], "--validation", files[1], "--json") == 0
+    rivals = ("--rivals", planned.with_suffix(".rivals.json"))
+    assert run(*first, files[0], "--validation", files[1], *rivals, "--json") == 0
     content = json.loads(capsys.readouterr().out)
     assert content["ladder"][-1]["effects"] == ["coulomb_friction"]
     status = {e["effect"]: e["status"] for e in content["ranking"]}
+    assert status["coulomb_friction"] == "confirmed"
     assert status["constant_load"] == "rejected"
+    assert "Refitted from the values of the plan constant load loses by" in content["sentence"]
 
 
 @pytest.mark.slow
@@ -225,6 +229,13 @@ def test_where_nothing_ties_the_best_of_what_was_rejected_is_looked_at():
     rows.insert(0, {"effect": "gravity_load", "status": "confirmed", "indistinguishable_from": [], "parameters": {}})
     content = {"ladder": [{"effects": ["gravity_load"]}], "ranking": rows, "rivals": [{"effects": ["gravity_load"]}]}
     assert open_names(content) == ["linear_stiffness", "hard_stop"]
+
+
+def test_a_richer_law_starts_from_the_simpler_one_that_it_contains():
+    found = led_by("lugre_friction", "stribeck_friction", {"mu": 0.02, "excess": 0.005, "v_s": 3.0})
+    assert found == {"F_c": 0.02, "F_s": 0.025, "v_s": 3.0}
+    assert led_by("coulomb_friction", "stribeck_friction", {"mu": 0.02}) == {}
+    assert led_by("backlash", "compliant_load", {}) == {}
 
 
 def test_of_each_family_the_simplest_laws_are_planned_for():

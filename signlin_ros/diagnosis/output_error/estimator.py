@@ -216,6 +216,24 @@ class OutputErrorEstimator(Decisions, Execution):
         best = self._held(c, theta, found) or found
         return self._around(self._nearby(best)) if best else None
 
+    def fitted_from(
+        self, effects: Sequence[str], starts: Sequence[Model], within: Mapping[str, tuple[float, float]] | None = None
+    ) -> FittedModel | None:
+        """Return the best fit of effects from the values of models that have them all; None where it diverges.
+
+        ``within``: the least and the largest value by parameter; such a fit is not the best of its class, nor kept.
+        """
+        c, _ = self.valued(effects, starts[0])
+        if within:
+            sides = {k.name: within.get(k.name, (-np.inf, np.inf)) for k in c.coordinates}
+            bounded = tuple(k.within(*sides[k.name]) for k in c.coordinates)
+            c = replace(c.apart(), coordinates=bounded)
+        thetas = [np.clip(c.start(numbers(m)), *c.bounds) for m in starts]
+        found = self._settled(c, *thetas)
+        if found is None or within:
+            return self._told(found.fit, found.low) if found else None
+        return self._around(self._nearby(self._held(c, thetas[0], found) or found))
+
     def valued(self, effects: Sequence[str], start: Model) -> tuple[Candidate, Array]:
         """Return the candidate with some effects, and its coordinates with the values of a model that has them all."""
         parts = CandidateParts.of(self.base.fit)

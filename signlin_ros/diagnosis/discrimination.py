@@ -1,0 +1,191 @@
+"""Rivals of a planned experiment: each refitted to the same records from its own values, held against what is named.
+
+A right rival whose fit does not come back from a general start would lose to a wrong one. And a law that contains a
+simpler one never loses by its error: it must lose at the smallest size that is of interest [Atkinson and Fedorov,
+Biometrika 62 (1975) 57, doi:10.1093/biomet/62.1.57: nested models are discriminated at a least distance].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from signlin_ros.diagnosis.evidence import Evidence
+from signlin_ros.diagnosis.output_error import FittedModel
+from signlin_ros.diagnosis.results import listed
+from signlin_ros.digits import with_error
+from signlin_ros.effects import EFFECTS
+from signlin_ros.errors import InputError, joined
+from signlin_ros.model import Model
+from signlin_ros.model.numbers import declared
+from signlin_ros.recording.trace import resolve_unit
+
+BOUND_SHARES = (0.25, 0.5, 1.0)
+"""Parts of the smallest size of interest at which a richer law is asked for, the smallest that loses is told."""
+
+
+@dataclass(frozen=True)
+class PlannedRival:
+    """A rival as a plan tells it: the ``effects`` beyond the model as given, ``starts``: models with values that a fit
+    starts from, the estimate first; ``of_interest``: (least, most) by parameter, the size first, infinite where free.
+    """
+
+    effects: tuple[str, ...]
+    starts: tuple[Model, ...]
+    of_interest: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    @classmethod
+    def of_json(cls, one: Mapping[str, Any]) -> PlannedRival:
+        """Return an entry of ``rivals`` of a plan's file or of a diagnosis; raise `InputError` for what is none."""
+        try:
+            texts = one.get("starts") or [one["model"]]
+            starts = tuple(Model.from_yaml(str(text), "rivals") for text in texts)
+            sizes = {n: (_number(a, -np.inf), _number(b, np.inf)) for n, (a, b) in one.get("of_interest", {}).items()}
+            return cls(tuple(map(str, one["effects"])), starts, sizes)
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError("rivals: an entry is no rival of signlin experiment or diagnose --json") from error
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what `of_json` reads."""
+        sizes = {n: [x if np.isfinite(x) else None for x in sides] for n, sides in self.of_interest.items()}
+        return {"effects": list(self.effects), "starts": [m.to_yaml() for m in self.starts], "of_interest": sizes}
+
+
+def _number(value: float | None, other: float) -> float:
+    return other if value is None else float(value)
+
+
+@dataclass(frozen=True, eq=False)
+class RefittedRival:
+    """A rival refitted to the records, ``best``; ``least``: with what it adds no smaller than is of interest, the same
+    where nothing says what is; ``size``: the parameter that says so, ``stiff`` whether that is large where the rival
+    adds nothing; ``at``: the rival with it held at a part of that size, None where it diverges.
+    """
+
+    effects: tuple[str, ...]
+    best: FittedModel
+    least: FittedModel
+    size: str = ""
+    stiff: bool = False
+    at: Callable[[float], tuple[float, FittedModel | None]] = lambda share: (share, None)
+
+
+def refitted(w: Evidence, rivals: Sequence[PlannedRival]) -> tuple[RefittedRival, ...]:
+    """Return rivals refitted to the records of a diagnosis, and keep them among what was tried; without those that the
+    model cannot have, or that diverge.
+    """
+    found = list[RefittedRival]()
+    for rival in rivals:
+        try:
+            one = _refitted(w, rival)
+        except InputError:
+            continue
+        found += [one] if one else []
+    return tuple(found)
+
+
+def _refitted(w: Evidence, rival: PlannedRival) -> RefittedRival | None:
+    motion = w.motion
+    if not rival.effects:
+        return RefittedRival((), w.base, w.base)
+    if len(rival.effects) == 1 and EFFECTS[rival.effects[0]].states:  # what remembers has several minima
+        w.keep(*motion.extensions(w.base, list(rival.effects), share=0.0))
+    best = motion.fitted_from(rival.effects, rival.starts)
+    if best is None:
+        return None
+    w.keep(best)
+    if not rival.of_interest:
+        return RefittedRival(rival.effects, best, best)
+    size, (low, high) = next(iter(rival.of_interest.items()))
+    starts, stiff = (best.model, *rival.starts), not np.isfinite(low)
+    least = motion.fitted_from(rival.effects, starts, rival.of_interest)
+
+    def at(share: float) -> tuple[float, FittedModel | None]:
+        value = high / share if stiff else low * share
+        held = {**rival.of_interest, size: (value, value)}
+        return value, motion.fitted_from(rival.effects, starts, held)
+
+    return RefittedRival(rival.effects, best, least or best, size, stiff, at)
+
+
+def discriminated(w: Evidence, final: FittedModel, conflict: str) -> tuple[FittedModel, str]:
+    """Return the model to stand for after the rivals of a plan were refitted: the simplest of those that are surely
+    better takes its place, and then the estimates do not differ any more. Its parameters need not be known one by one,
+    as those of a law must that nobody asked for: that simpler laws lose says that it is not nothing.
+    """
+    good = [one.best for one in w.rivals if len(one.effects) <= max(len(final.effects), 1) and _better(w, final, one)]
+    best = min(good, key=lambda f: f.level, default=None)
+    near = [f for f in good if best and w.motion.as_good(best, f)]
+    if not near:
+        return final, conflict
+    return min(near, key=lambda f: (len(f.effects), f.size, f.level)), ""
+
+
+def _better(w: Evidence, final: FittedModel, one: RefittedRival) -> bool:
+    """Tell whether a rival surely errs less than a model, and than the base, and nothing is worse for it."""
+    f, c = one.best, w.criteria
+    if set(one.effects) == set(final.effects) or not one.effects or f.implausible:
+        return False
+    if w.motion.gain(final, f).worsens(c.worse, c.alike) or w.raises(final, f) or w.raises(w.base, f):
+        return False
+    return min(w.motion.certainty(g, f) for g in (final, w.base)) >= c.certainty
+
+
+def loses(w: Evidence, rival: FittedModel, final: FittedModel) -> bool:
+    """Tell whether a rival surely errs more than what is named, of validation data, or leaves surely more force."""
+    return w.motion.certainty(rival, final) >= w.criteria.certainty or w.raises(final, rival)
+
+
+def undecided(w: Evidence, final: FittedModel) -> list[RefittedRival]:
+    """Return the rivals that do not surely lose, at their smallest size of interest; but those that by themselves are
+    no step beyond the base, and what contains all that is named.
+    """
+    others = [r for r in w.rivals if not set(final.effects) <= set(r.effects)]
+    open_ones = [r for r in others if not loses(w, r.least, final)]
+    return [r for r in open_ones if r.size or not r.effects or not w.motion.refused(w.base, r.best)]
+
+
+def told(w: Evidence, final: FittedModel) -> str:
+    """Return what was made of the rivals, in words; empty where there are none, or nothing is named."""
+    if not w.rivals or not final.effects:
+        return ""
+    ties = undecided(w, final)
+    parts = []
+    if ties:
+        names = listed(["+".join(r.effects) or "nothing" for r in ties])
+        parts.append(f"Not decided: {names}, refitted from the values of the plan, cannot be told from it")
+    lost = [r for r in w.rivals if r not in ties and r.effects and set(r.effects) != set(final.effects)]
+    if lost:
+        least = min(w.motion.certainty(r.least, final) for r in lost)
+        names = listed(["+".join(r.effects) for r in lost])
+        what = f"{'loses' if len(lost) == 1 else 'lose'} by {least:.1f} standard errors" + " or more" * (len(lost) > 1)
+        parts.append(f"Refitted from the values of the plan {names} {what}")
+    bounds = [b for r in lost if _holds(r, final) and (b := _bound(w, r, final))]
+    parts += [f"Excluded is {joined(bounds)}"] if bounds else []
+    return " ".join(f"{part}." for part in parts)
+
+
+def _holds(r: RefittedRival, final: FittedModel) -> bool:
+    """Tell whether a rival is a law of the same family that has a size, and is richer than what is named."""
+    families = [EFFECTS[e[0]].family if len(e) == 1 else "" for e in (r.effects, final.effects)]
+    return bool(r.size and families[0]) and families[0] == families[1] and r.best.size > final.size
+
+
+def _bound(w: Evidence, r: RefittedRival, final: FittedModel) -> str:
+    """Return the smallest size of what a lost rival adds that is excluded, in words; empty where none is."""
+    smallest = ""
+    for share in reversed(BOUND_SHARES):
+        value, f = r.at(share)
+        if f is None or not loses(w, f, final):
+            break
+        key, _, name = r.size.rpartition(".")
+        unit = w.case.problem.shown(resolve_unit(declared(f.model)[r.size].unit, f.model.plant, False))
+        size = f"{with_error(value, 0.2 * value)[0]} {unit}".rstrip()
+        smallest = f"{listed([key])} with {name} of {size} or {'less' if r.stiff else 'more'}"
+    return smallest
+
+
+__all__ = ["PlannedRival", "RefittedRival", "discriminated", "loses", "refitted", "told", "undecided"]

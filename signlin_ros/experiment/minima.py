@@ -1,0 +1,119 @@
+"""Minima of a rival on the first records: what simpler laws lead to, and what else makes and breaks contact there.
+
+A richer law that is left in a minimum in which it follows a record worse than the simpler law that it contains would
+count as excluded; and one of several minima that the records leave may be the true one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from signlin_ros.diagnosis.output_error.trials import completed
+from signlin_ros.effects import EFFECTS
+from signlin_ros.experiment.contenders import Contender
+from signlin_ros.fitting.fit import Fit, evaluated, fit
+from signlin_ros.fitting.gains import ObserverGains
+from signlin_ros.fitting.problem import Problem
+from signlin_ros.model import Model
+from signlin_ros.model.numbers import numbers
+
+EXCLUDED = 60.0
+"""-2 log likelihood of the first records beyond the best rival's from which on one needs no experiment."""
+REFIT_STEPS = 8
+"""Steps of a refit to the first records."""
+MINIMA_FITTED, MOST_MINIMA, MINIMA_APART = 8, 2, 0.5
+"""Starts from which the other minima of a rival are sought, most that are kept, and how far from each other one of
+their coordinates is at least.
+"""
+Values = Mapping[str, float]
+
+LARGER_BREAKAWAY = 1.2
+"""Breakaway friction over sliding friction from which a fit starts where the simpler law has none."""
+
+_LEADS: Mapping[tuple[str, str], Callable[[Values], dict[str, float]]] = {
+    ("backlash", "compliant_load"): lambda p: {n: p[n] for n in ("k", "c", "J")},
+    ("stribeck_friction", "coulomb_friction"): lambda p: {"mu": p["mu"]},
+    ("dahl_presliding", "coulomb_friction"): lambda p: {"F_c": p["mu"]},
+    ("lugre_friction", "coulomb_friction"): lambda p: {"F_c": p["mu"], "F_s": LARGER_BREAKAWAY * p["mu"]},
+    ("lugre_friction", "stribeck_friction"): lambda p: {
+        "F_c": p["mu"],
+        "F_s": p["mu"] + p["excess"],
+        "v_s": p["v_s"],
+    },
+    ("lugre_friction", "dahl_presliding"): lambda p: {
+        "sigma0": p["sigma"],
+        "F_c": p["F_c"],
+        "F_s": LARGER_BREAKAWAY * p["F_c"],
+    },
+}
+
+
+def led_by(richer: str, simpler: str, values: Values) -> dict[str, float]:
+    """Return what the parameters of a simpler law say of those of a richer one; empty where it does not contain it."""
+    lead = _LEADS.get((richer, simpler))
+    return lead(values) if lead and values else {}
+
+
+def led(problem: Problem, c: Contender, gains: ObserverGains, others: Sequence[tuple[str, Model]]) -> Contender:
+    """Return a rival at a better estimate, if it is found from that of a simpler law that it contains; ``others``: laws
+    and their models.
+    """
+    if len(c.effects) != 1:
+        return c
+    key, best = c.candidate.label[-1], None
+    free = replace(c.candidate, starts={})
+    for simpler, model in others:
+        values = led_by(c.effects[0], simpler, _own(simpler, model))
+        if not values:
+            continue
+        start = {**numbers(model), **{f"{key}.{n}": v for n, v in values.items()}}
+        theta = np.clip(free.start({**c.candidate.named(c.theta), **start}), *c.bounds)
+        found = fit(problem, free, gains, theta, REFIT_STEPS)
+        best = found if found and (best is None or found.cost < best.cost) else best
+    own = evaluated(problem, free, c.theta, gains) if best else None
+    if best is None or (own is not None and own.cost <= best.cost):
+        return c
+    return replace(c, theta=best.theta, information=best.hessian, told=c.model_at(best.theta))
+
+
+def _own(effect: str, model: Model) -> dict[str, float]:
+    """Return the values that a model has of a law."""
+    uses = [use.parameters for use in model.effects.values() if use.type == effect]
+    return dict(uses[-1]) if uses else {}
+
+
+def with_minima(problem: Problem, c: Contender, gains: ObserverGains, check: Callable[[], None]) -> Contender:
+    """Return a rival with the other minima that the first records leave it, of what makes and breaks contact."""
+    effect = EFFECTS[c.effects[0]] if len(c.effects) == 1 else None
+    if effect is None or not effect.rugged:
+        return c
+    key = c.candidate.label[-1]
+    bounds = zip(c.candidate.coordinates, *(side.tolist() for side in c.bounds), strict=True)
+    own = replace(c.candidate, coordinates=tuple(replace(k, low=a, high=b) for k, a, b in bounds), starts={})
+    named, short = c.candidate.named(c.theta), problem.short
+    tried = []
+    for start in effect.starts(problem.scale):
+        check()
+        theta = own.start({**named, **{f"{key}.{n}": v for n, v in completed(problem, effect, start).items()}})
+        tried.append(evaluated(short, own, np.clip(theta, *own.bounds), gains, False))
+    near = sorted((f for f in tried if f), key=lambda f: f.cost)[:MINIMA_FITTED]
+    fits = [f for f in (fit(problem, own, gains, f.theta, REFIT_STEPS) for f in near) if f]
+    best = evaluated(problem, own, c.theta, gains)
+    fits = sorted([*fits, *([best] if best else [])], key=lambda f: f.cost)
+    found = list[Fit]()
+    for f in fits:
+        apart = all(np.abs(f.theta - other.theta).max() > MINIMA_APART for other in found)
+        if f.cost < fits[0].cost + EXCLUDED and apart:
+            found.append(f)
+    if not found:
+        return c
+    others = tuple(f.theta for f in found[1 : 1 + MOST_MINIMA])
+    if found[0].theta is c.theta:
+        return replace(c, minima=others)
+    return replace(c, theta=found[0].theta, information=found[0].hessian, minima=others)
+
+
+__all__ = ["EXCLUDED", "REFIT_STEPS", "led", "led_by", "with_minima"]

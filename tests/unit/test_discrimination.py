@@ -1,0 +1,110 @@
+"""Rivals of a plan: their file, and when one has lost."""
+
+from __future__ import annotations
+
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from signlin_ros import cli
+from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA
+from signlin_ros.diagnosis.discrimination import PlannedRival, RefittedRival, told, undecided
+from signlin_ros.errors import InputError
+from signlin_ros.model import Model
+
+
+def motor(**effects):
+    model = Model.load("dc_motor").without_effect("coulomb_friction")
+    for name, values in effects.items():
+        model = model.with_effect(name, **values)
+    return model
+
+
+def test_a_rival_is_the_same_after_its_file():
+    starts = (motor(dahl_presliding={"F_c": 0.03, "sigma": 5.0}), motor(dahl_presliding={"F_c": 0.03, "sigma": 12.0}))
+    rival = PlannedRival(("dahl_presliding",), starts, {"dahl_presliding.sigma": (-np.inf, 12.0)})
+    again = PlannedRival.of_json(json.loads(json.dumps(rival.to_json())))
+    assert again.effects == rival.effects
+    assert again.of_interest == rival.of_interest
+    assert [m.effects["dahl_presliding"].parameters["sigma"] for m in again.starts] == [5.0, 12.0]
+
+
+def test_a_rival_of_a_diagnosis_starts_from_its_model():
+    told_of = {"effects": ["coulomb_friction"], "model": motor(coulomb_friction={"mu": 0.02}).to_yaml()}
+    rival = PlannedRival.of_json({**told_of, "parameters": [], "covariance": []})
+    assert rival.starts[0].effects["coulomb_friction"].parameters["mu"] == 0.02
+    assert not rival.of_interest
+
+
+@pytest.mark.parametrize("entry", [{}, {"effects": ["coulomb_friction"]}, {"model": "plant: dc_motor"}])
+def test_what_is_no_rival_is_refused(entry):
+    with pytest.raises(InputError, match="rivals"):
+        PlannedRival.of_json(entry)
+
+
+@pytest.mark.parametrize(
+    ("content", "said"), [(None, "cannot read"), ("{", "is no file of rivals"), ('{"rivals": 3}', "no file of rivals")]
+)
+def test_a_file_that_holds_no_rivals_is_refused_in_one_line(tmp_path, capsys, content, said):
+    t = np.arange(0.0, 2.0, 0.01)
+    table = np.column_stack([t, np.sin(t), np.cos(t)])
+    np.savetxt(tmp_path / "run.csv", table, delimiter=",", header="t,voltage,speed", comments="")
+    motor().save(tmp_path / "m.yaml")
+    path = tmp_path / "rivals.json"
+    if content is not None:
+        path.write_text(content)
+    assert cli.main([str(a) for a in ("diagnose", tmp_path / "m.yaml", tmp_path / "run.csv", "--rivals", path)]) == 2
+    err = capsys.readouterr().err.strip().splitlines()
+    assert said in err[-1]
+    assert sum(line.startswith("error") or said in line for line in err) == 1
+
+
+# -------------------------------------------------------------------- who has lost
+
+
+def fitted(*effects, errs=0.0):
+    return SimpleNamespace(effects=effects, errs=errs)
+
+
+def evidence(*rivals, weightless=()):
+    """Return what decides, of models that err by some standard errors more than the best."""
+    motion = SimpleNamespace(
+        certainty=lambda before, after: before.errs - after.errs,
+        refused=lambda base, f: "is nothing" if f.effects in weightless else "",
+    )
+    return SimpleNamespace(
+        motion=motion, criteria=DEFAULT_CRITERIA, raises=lambda a, b: False, base=fitted(errs=50.0), rivals=rivals
+    )
+
+
+def rival(*effects, errs, least=None, size=""):
+    f = fitted(*effects, errs=errs)
+    return RefittedRival(effects, f, f if least is None else fitted(*effects, errs=least), size)
+
+
+def test_a_rival_that_errs_as_little_is_not_decided():
+    near, far = rival("constant_load", errs=2.0), rival("viscous_friction", errs=9.0)
+    w = evidence(near, far)
+    assert undecided(w, fitted("coulomb_friction")) == [near]
+    said = told(w, fitted("coulomb_friction"))
+    assert "Not decided: constant load" in said
+    assert "viscous friction loses by 9.0 standard errors" in said
+
+
+def test_a_richer_law_must_lose_at_the_size_that_is_of_interest():
+    lost = rival("stribeck_friction", errs=0.0, least=8.0, size="stribeck_friction.excess")
+    assert undecided(evidence(lost), fitted("coulomb_friction")) == []
+    tied = rival("stribeck_friction", errs=0.0, least=1.0, size="stribeck_friction.excess")
+    assert undecided(evidence(tied), fitted("coulomb_friction")) == [tied]
+
+
+def test_a_rival_that_is_nothing_by_itself_and_one_that_holds_all_that_is_named_leave_no_doubt():
+    nothing, more = rival("gravity_load", errs=0.0), rival("coulomb_friction", "backlash", errs=0.0)
+    w = evidence(nothing, more, weightless=[("gravity_load",)])
+    assert undecided(w, fitted("coulomb_friction")) == []
+
+
+def test_without_rivals_nothing_is_said():
+    assert told(evidence(), fitted("coulomb_friction")) == ""
