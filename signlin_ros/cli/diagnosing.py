@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import click
 
-from signlin_ros.cli.arms import ArmRequest, arm_options, diagnosed, is_arm, refuse_elsewhere
+from signlin_ros.cli.arms import ArmRequest, arm_options, diagnosed, is_arm, refuse, refuse_elsewhere
 from signlin_ros.cli.options import (
     Examples,
     Report,
