@@ -20,6 +20,7 @@ from signlin_ros import console
 from signlin_ros.apart import of_record
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model, shipped_models
+from signlin_ros.model.arm import ArmModel
 from signlin_ros.records import ModelData
 from signlin_ros.workbench import arrays, sheet, tuning
 from signlin_ros.workbench.exporting import use
@@ -84,6 +85,12 @@ def code(args: Args, say: Say) -> Answer:
 # -------------------------------------------------------------------- check, compare
 
 
+def _arm(args: Args) -> ArmModel | None:
+    """Return the model where it is that of an arm."""
+    model = opened(args["model"])
+    return model if isinstance(model, ArmModel) else None
+
+
 def _loaded(args: Args, files: Sequence[str]) -> tuple[Model, list[ModelData], list[Any]]:
     """Return model and records as the verbs take them, checked and cured, and what was found in them."""
     from signlin_ros.guard import check_records
@@ -117,6 +124,10 @@ def check(args: Args, say: Say) -> Answer:
     """Return the findings of the record check; ``directions``: for each, the mapping that would answer it, or None."""
     from signlin_ros import checks
 
+    if arm := _arm(args):
+        from signlin_ros.workbench import arms
+
+        return arms.check(arm, args)
     files = [*args["data"], *args["validation"]]
     model, records = _as_read(args, files)
     _, findings = checks.check(model, records, _cures(args), validated=bool(args["validation"]))
@@ -139,6 +150,10 @@ def compare(args: Args, say: Say) -> Answer:
     """Compare, keep the curves in ``args["store"]`` (npz), return what `signlin compare --json` prints."""
     from signlin_ros.diagnosis import compare as run
 
+    if arm := _arm(args):
+        from signlin_ros.workbench import arms
+
+        return arms.compare(arm, args, say)
     told: list[str] = []
 
     def tell(what: str) -> None:
@@ -253,6 +268,10 @@ def diagnose(args: Args, say: Say) -> Answer:
     """Return what `signlin diagnose --json` prints, and the evidence picture of every named effect."""
     from signlin_ros.workbench import evidence
 
+    if arm := _arm(args):
+        from signlin_ros.workbench import arms
+
+        return arms.diagnose(arm, args, say)
     result = _diagnosed("diagnose", args, say)
     content = result.to_json()
     return {"json": content, "errors": _errors(console.ladder_rows(content)), **evidence.shown(result)}
@@ -368,6 +387,8 @@ def refit(args: Args, say: Say) -> Answer:
     from signlin_ros.diagnosis.evidence import refitted_evidence
     from signlin_ros.diagnosis.proposal import rounded
 
+    if _arm(args):
+        raise InputError("an arm is refitted in a terminal: signlin refine MODEL DATA -o NEW.yaml")
     say({"what": "refitting", "share": 0.1})
     model, first, second, _ = _sides(args)
     original, output = opened(args["model"]), Path(args["output"])

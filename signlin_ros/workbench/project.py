@@ -31,6 +31,7 @@ VERSION = 1
 ANSWERS = 3
 """Version of what the worker answers: answers to another one are asked for anew."""
 MODELS = (".yaml", ".yml")
+ROBOTS = (".urdf",)
 DROPPED_SUFFIXES = (*TEXT, *TABLES, *BAGS, *PACKED)
 """Suffixes of what may be dropped; what this version's readers cannot read they refuse with the reason."""
 MAX_NAME_LENGTH = 80
@@ -51,9 +52,11 @@ def safe_name(name: str) -> str:
     last = re.split(r"[/\\]", unicodedata.normalize("NFC", name))[-1]
     plain = Path(re.sub(r"[^\w.+\-() ]", "_", last).strip(" .") or "file")
     suffix = plain.suffix.lower()
-    if suffix not in (*MODELS, *DROPPED_SUFFIXES):
+    if suffix not in (*MODELS, *ROBOTS, *DROPPED_SUFFIXES):
         shown = "".join(c if c.isprintable() else "?" for c in last)[:MAX_NAME_LENGTH]
-        raise InputError(f"{shown!r} is no record and no model; allowed: {', '.join((*DROPPED_SUFFIXES, *MODELS))}")
+        raise InputError(
+            f"{shown!r} is no record and no model; allowed: {', '.join((*DROPPED_SUFFIXES, *MODELS, *ROBOTS))}"
+        )
     return (plain.stem.lstrip("-.")[:MAX_NAME_LENGTH].strip() or "file") + suffix
 
 
@@ -324,4 +327,4 @@ class Project:
         return self.folder / "results" / f"{key}.npz"
 
 
-__all__ = ["DROPPED_SUFFIXES", "EMPTY_PROJECT", "MODELS", "STORE", "Project", "lock", "safe_name"]
+__all__ = ["DROPPED_SUFFIXES", "EMPTY_PROJECT", "MODELS", "ROBOTS", "STORE", "Project", "lock", "safe_name"]

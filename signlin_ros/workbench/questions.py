@@ -18,7 +18,8 @@ def question(s: Session, verb: str) -> dict[str, Any]:
     """Return what a verb is asked about: model, records, mapping, cures."""
     p, c = s.project, s.project.choices
     data, validation = p.files("estimation"), p.files("validation")
-    if verb == "compare":
+    found = described(s)
+    if verb == "compare" and not (found and found["plant"] == "arm"):  # an arm's table is of data that no fit saw
         data, validation = validation or data, []
     base: dict[str, Any] = {"model": p.path(c["model"]), "data": data, "validation": validation}
     base["signals"] = columns.signals(s, [*data, *validation])

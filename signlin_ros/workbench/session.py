@@ -14,7 +14,7 @@ from signlin_ros.files import write_text
 from signlin_ros.workbench import columns, questions, stages
 from signlin_ros.workbench.formats import FILES
 from signlin_ros.workbench.lane import FaultError, Lane, LaneCancelledError, RefusedError
-from signlin_ros.workbench.project import MODELS, Project
+from signlin_ros.workbench.project import MODELS, ROBOTS, Project
 from signlin_ros.workbench.shown import shown
 
 Args = dict[str, Any]
@@ -203,7 +203,8 @@ class Session:
         """Take files of the folder that were just dropped, or that the command line named: models and records."""
         choices = self.project.choices
         made = [f for f in files if f.lower().endswith(MODELS)]
-        records = [*choices["records"], *({"file": f, "role": ""} for f in files if f not in made)]
+        beside = [f for f in files if f.lower().endswith(ROBOTS)]
+        records = [*choices["records"], *({"file": f, "role": ""} for f in files if f not in (*made, *beside))]
         for model in made:
             await self.view.call("describe", {"model": self.project.path(model), "uploaded": True})
         model = made[-1] if made else choices["model"]

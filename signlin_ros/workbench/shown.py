@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from signlin_ros.workbench import columns, further, stages
+from signlin_ros.workbench import columns, further, joints, stages
 from signlin_ros.workbench.questions import described
 from signlin_ros.workbench.wording import on_page
 
@@ -18,9 +18,8 @@ def shown(s: Session) -> dict[str, Any]:
     p, c = s.project, s.project.choices
     past, future = p.state["past"], p.state["future"]
     with columns.still(s):
-        blocks = [
-            f(s) for f in (stages.record, stages.check, further.compare, further.diagnose, further.add, further.use)
-        ]
+        own: Any = joints if joints.is_arm(s) else further
+        blocks = [f(s) for f in (stages.record, stages.check, own.compare, own.diagnose, own.add, own.use)]
         mapping = columns.tables(s)
     for block in blocks:
         block["title"] = stages.TITLES[block["id"]]

@@ -182,7 +182,7 @@ def check(s: Session) -> dict[str, Any]:
 def _estimated(s: Session) -> bool:
     """Tell whether a diagnosis of these records has found values with standard errors."""
     found = result(s, "diagnose", question(s, "diagnose"))
-    return found is not None and len(found["json"]["ladder"]) > 1
+    return found is not None and len(found["json"].get("ladder", ())) > 1
 
 
 def _named(s: Session) -> str:

@@ -332,6 +332,7 @@ let how = "windowed";
 
 function compare(block, state, go) {
   if (!block.result) return [];
+  if (block.result.arm) return [joints(block.result, false), aside(block.result)];
   const { json, errors: rows, stretches, regions, channels } = block.result;
   shownStretch = Math.min(shownStretch, stretches.length - 1);
   const also = (block.others ?? []).filter((o) => shownToo.has(o.key)).slice(0, ALSO.length);
@@ -416,6 +417,7 @@ function diagnose(block, state, go) {
   const busy = state.busy?.stage === "diagnose" ? state.busy.found : null;
   if (busy?.tried?.length) return [h("h3", {}, `Tried so far: ${busy.count}, best first`), tried(busy.tried)];
   if (!block.result) return [];
+  if (block.result.arm) return [h("ul", { id: "sentences" }, block.result.json.sentences.map((t) => h("li", {}, t))), joints(block.result, true), aside(block.result)];
   const { json, errors: rows } = block.result;
   return [
     found(block.result, block.unseen),
@@ -464,6 +466,25 @@ function ranking(entries) {
     h("tbody", {}, entries.map((e) => h("tr", {}, h("td", {}, words(e.effect)), h("td", { class: "status" }, STATUS[e.status] ?? e.status ?? ""),
       h("td", { class: "number" }, number(worst(e.validation))), h("td", {}, e.why ?? ""),
       h("td", {}, fewest(Object.entries(e.parameters ?? {})).map(([n, p]) => n === "" ? p : `${n} = ${number(p.value, 4)}${p.std ? ` ± ${number(p.std, 2)}` : ""} ${p.unit === "-" ? "" : p.unit}`).join(", "))))));
+}
+
+// -------------------------------------------------------------------- arms
+
+// The table joint x stage: RMS of what is left of each effort, on data that no fit saw.
+const STEPS = [["effort", "effort"], ["as_given", "URDF"], ["rigid", "rigid refit"], ["basic", "+ friction"], ["model", "model"]];
+
+function joints({ json }, named) {
+  const head = ["joint", "", ...STEPS.map(([, title]) => title), ...(named ? ["named"] : [])];
+  return h("table", { id: named ? "joints-named" : "joints" }, h("caption", {}, `Left of each effort, RMS below ${number(json.band_hz)} Hz`),
+    h("thead", {}, h("tr", {}, head.map((t, k) => h("th", { class: k > 1 && k < 7 ? "number" : "", scope: "col" }, t)))),
+    h("tbody", {}, Object.entries(json.joints).map(([name, own]) => h("tr", { "data-joint": name }, h("td", { class: "name" }, name), h("td", {}, unit(own.unit)),
+      STEPS.map(([key]) => h("td", { class: "number" }, number(own[key]))), named && h("td", {}, own.effects.map(words).join(", "))))));
+}
+
+function aside({ json, cannot }) {
+  const own = Object.entries(json.joints).flatMap(([name, joint]) => joint.cannot_tell.map((why) => `${name}: ${why}`));
+  return [h("details", { id: json.sentences ? "cannot-named" : "cannot" }, h("summary", {}, "What cannot be told"), h("ul", {}, [...own, ...cannot].map((t) => h("li", {}, t)))),
+    json.notes.length > 0 && h("details", {}, h("summary", {}, json.notes.length === 1 ? "1 note" : `${json.notes.length} notes`), h("ul", {}, json.notes.map((t) => h("li", {}, t))))];
 }
 
 // -------------------------------------------------------------------- add
