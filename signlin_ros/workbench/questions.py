@@ -18,13 +18,17 @@ def question(s: Session, verb: str) -> dict[str, Any]:
     """Return what a verb is asked about: model, records, mapping, cures."""
     p, c = s.project, s.project.choices
     data, validation = p.files("estimation"), p.files("validation")
-    found = described(s)
-    if verb == "compare" and not (found and found["plant"] == "arm"):  # an arm's table is of data that no fit saw
+    if verb == "compare" and not _of_arm(s):  # an arm's table is of data that no fit saw
         data, validation = validation or data, []
     base: dict[str, Any] = {"model": p.path(c["model"]), "data": data, "validation": validation}
     base["signals"] = columns.signals(s, [*data, *validation])
     cures = _cures(s, [*data, *validation]) if verb == "compare" else c["cures"]
     return {**base, "cures": cures} if cures else base
+
+
+def _of_arm(s: Session) -> bool:
+    found = described(s)
+    return found is not None and found["plant"] == "arm"
 
 
 def _cures(s: Session, files: list[str]) -> list[str]:
