@@ -34,8 +34,9 @@ LOST = 1e12
 @dataclass(frozen=True, eq=False)
 class RivalBench:
     """Rivals, and the observer (``gains``) through which a record is seen; ``spread`` (ny,): what a model leaves of the
-    first records; ``x0``: where the machine starts, by state; ``bias``: the input that holds it there; ``check`` is
-    called before every simulation and refit, and raises what ends the work.
+    first records; ``x0``: where the machine starts, by state; ``bias``: the input that holds it there; ``likely``:
+    those that may be true, all where it is empty; ``check`` is called before every simulation and refit, and raises
+    what ends the work.
     """
 
     problem: Problem
@@ -44,13 +45,15 @@ class RivalBench:
     spread: Array
     x0: Mapping[str, float]
     bias: float = 0.0
+    likely: frozenset[int] = frozenset()
     used: dict[str, int] = field(default_factory=lambda: {"runs": 0, "fits": 0}, repr=False)
     check: Callable[[], None] = field(default=lambda: None, repr=False)
 
     @property
     def pairs(self) -> list[Pair]:
-        """Every rival against every other one, in both roles."""
-        return list(permutations(range(len(self.contenders)), 2))
+        """Every rival that may be true, with every other one that may imitate it."""
+        every = permutations(range(len(self.contenders)), 2)
+        return [pair for pair in every if not self.likely or pair[0] in self.likely]
 
     def inputs(self, u: Array) -> Array:
         """Return all inputs (T, m) of the machine under a command u (T,) of the first; others as by default."""

@@ -155,7 +155,7 @@ def seen_with(bench: RivalBench, pair: Pair, t: Array, u: Array, channels: Seque
     old = dict(zip(problem.channels, bench.spread.tolist(), strict=True))
     spread = np.array([old.get(c, size[c]) for c in channels])
     gains = other.levels[min(problem.levels.index(bench.gains), len(other.levels) - 1)]
-    return RivalBench(other, contenders, gains, spread, bench.x0, bench.bias, bench.used, bench.check)
+    return RivalBench(other, contenders, gains, spread, bench.x0, bench.bias, used=bench.used, check=bench.check)
 
 
 def _without_inductance(model: Model) -> bool:

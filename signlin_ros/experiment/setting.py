@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 
 MAX_PLANNED_RIVALS = 5
 """Most rivals that are planned for: each pair costs refits."""
+UNLIKELY = 20.0
+"""And the same from which on a rival is to lose, but is not thought to be true."""
 OBSERVER_LEVEL = 2
 """Which of the observers a command is judged through: that of the last but one gain, as fits end with."""
 SETTLES, REST_SPEED_SHARE = 0.3, 0.02
@@ -133,6 +135,16 @@ def open_ones(bench: RivalBench, rivals: Sequence[KnownLimits]) -> list[KnownLim
     return [r for k, r in enumerate(rivals) if k == 0 or not first[k] > EXCLUDED]
 
 
+def likely_ones(bench: RivalBench) -> frozenset[int]:
+    """Return the places of the rivals that may be true by the first records: the proposal, and what is near the best,
+    two at least; the others are to lose, but a record that they would show is not planned for.
+    """
+    first = so_far(bench.problem, bench.contenders)
+    order = np.argsort(np.where(np.isfinite(first), first, np.inf), kind="stable")
+    near = [k for k in range(len(first)) if first[k] <= UNLIKELY]
+    return frozenset(map(int, (0, *order[:2], *near)))
+
+
 def so_far(problem: Problem, contenders: Sequence[Contender]) -> Array:
     """Return -2 log likelihood of the first records by each rival (rivals,), beside the best one; NaN where one cannot
     follow them.
@@ -173,4 +185,14 @@ def _resting(bench: RivalBench) -> float:
     return 0.0
 
 
-__all__ = ["KnownLimits", "bench_of", "chosen", "gains_of", "known_rivals", "named", "open_ones", "so_far"]
+__all__ = [
+    "KnownLimits",
+    "bench_of",
+    "chosen",
+    "gains_of",
+    "known_rivals",
+    "likely_ones",
+    "named",
+    "open_ones",
+    "so_far",
+]

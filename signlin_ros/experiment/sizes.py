@@ -43,6 +43,11 @@ def _share_of(other: str) -> Bound:
     return lambda problem, v: MIN_SIZE_SHARE * abs(v[other])
 
 
+def _breakaway(problem: Problem, v: Values) -> float:
+    """Return the breakaway friction that is so much larger than the sliding one: else bristles are Dahl's."""
+    return (1.0 + MIN_SIZE_SHARE) * abs(v["F_c"])
+
+
 def _soft(problem: Problem, v: Values) -> float:
     """Return the stiffness on which the moving mass vibrates with `MIN_VIBRATION_SAMPLES` samples in a period."""
     return float(problem.scale.inertia * (2 * np.pi / (MIN_VIBRATION_SAMPLES * problem.scale.step)) ** 2)
@@ -60,6 +65,7 @@ def _speeds(share: float) -> Bound:
 LARGE: Mapping[str, Mapping[str, Bound]] = {
     "stribeck_friction": {"excess": _share_of("mu"), "v_s": _speeds(MIN_FADING_SPEED)},
     "backlash": {"gap": _play},
+    "lugre_friction": {"F_s": _breakaway},
     "load_dependent_friction": {"kappa_d": lambda problem, v: MIN_SIZE_SHARE * (v["kappa_d"] + v["kappa_e"])},
 }
 """By effect: parameters that must be so large."""
@@ -72,6 +78,10 @@ SMALL: Mapping[str, Mapping[str, Bound]] = {
 """And those that must be so small."""
 
 
+FIRST: Mapping[str, tuple[str, ...]] = {"lugre_friction": ("sigma0",)}
+"""Which of them is the size that is told, where it is not the first."""
+
+
 def size_of(problem: Problem, c: Candidate, theta: np.ndarray[tuple[int], np.dtype[np.float64]]) -> Size | None:
     """Return the smallest size of interest of what a candidate adds last; None where its estimate is its size."""
     if problem.scale.imposed:
@@ -81,7 +91,7 @@ def size_of(problem: Problem, c: Candidate, theta: np.ndarray[tuple[int], np.dty
         kind = c.model.effects[key].type if key in c.model.effects else ""
         own = {n.rpartition(".")[2]: v for n, v in named.items() if n.startswith(f"{key}.")}
         least, most = LARGE.get(kind, {}), SMALL.get(kind, {})
-        names = dict.fromkeys((*least, *most))
+        names = dict.fromkeys((*FIRST.get(kind, ()), *least, *most))
         bounds = {
             f"{key}.{n}": (
                 least[n](problem, own) if n in least else -np.inf,

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from signlin_ros.experiment.search import CommandSearch
     from signlin_ros.experiment.setting import KnownLimits
 
+MAX_WEAK_PAIRS = 2
+"""Pairs that a command does not tell apart which the sentence names."""
+
 
 def sentence(plan: ExperimentPlan) -> str:
     """Return the answer in one sentence."""
@@ -34,11 +37,12 @@ def sentence(plan: ExperimentPlan) -> str:
             f"{what} up to {np.abs(plan.u).max():.3g} {plan.unit} for {plan.duration:.3g} s would tell {only}:"
             f" expected {worst.expected:.3g}, {NEEDED_EVIDENCE:g} is needed{short}"
         )
-    parts += [
-        f"it would not tell {one.rivals[0]} from {one.rivals[1]}: expected {one.expected:.2g}, another command"
-        f" shows {one.most:.3g}; plan for these two by themselves with --between"
-        for one in weak
-    ]
+    if weak:
+        pairs = joined([f"{one.rivals[0]} from {one.rivals[1]}" for one in weak[:MAX_WEAK_PAIRS]], "nor")
+        more = f", nor {len(weak) - MAX_WEAK_PAIRS} other pairs" if len(weak) > MAX_WEAK_PAIRS else ""
+        expected = min(one.expected for one in weak)
+        least = f"expected {expected:.2g}" + (" or more" if len(weak) > 1 else "")
+        parts.append(f"it would not tell {pairs}{more}: {least}; plan for two by themselves with --between")
     for one in alike:
         helps = [r.what for r in plan.remedies if r.rivals == one.rivals]
         told = f"no command within these limits tells {one.rivals[0]} from {one.rivals[1]}"
@@ -91,6 +95,9 @@ def notes(search: CommandSearch, rest: Sequence[KnownLimits], told: Sequence[Pla
     if rest:
         names = joined([" with ".join(n.replace("_", " ") for n in r.effects) or "nothing more" for r in rest])
         found.append(f"not planned for, though the records do not exclude it: {names}; --between names which")
+    unlikely = [c.name for i, c in enumerate(bench.contenders) if bench.likely and i not in bench.likely]
+    if unlikely:
+        found.append(f"by the first records {joined(unlikely)} are unlikely: the plan is that they lose to the others")
     sized = [c for c in bench.contenders if c.size is not None]
     for c in sized:
         k = c.candidate.coordinates[c.index(c.size.name)] if c.size else None

@@ -30,7 +30,16 @@ from signlin_ros.experiment.search import (
     CommandSearch,
     CommandTrial,
 )
-from signlin_ros.experiment.setting import KnownLimits, bench_of, chosen, known_rivals, named, open_ones, so_far
+from signlin_ros.experiment.setting import (
+    KnownLimits,
+    bench_of,
+    chosen,
+    known_rivals,
+    likely_ones,
+    named,
+    open_ones,
+    so_far,
+)
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.threads import one_thread
@@ -118,6 +127,7 @@ def designed(
         limits = limits_of(bench.problem, wishes.limits)
         rivals, rest = chosen([r for r in open_ones(bench, every) if _rests(bench, every.index(r), limits)])
         bench = replace(bench, contenders=tuple(bench.contenders[every.index(r)] for r in rivals))
+        bench = replace(bench, likely=likely_ones(bench))
     if bench is None or len(rivals) < 2:
         name = "+".join(rivals[0].effects) if rivals else "nothing"
         why = f"nothing to tell apart: these records leave only one model, with {name.replace('_', ' ')}"
@@ -162,7 +172,8 @@ def _planned(
     if not search.tried:
         why = max(search.refused, key=lambda n: search.refused[n], default="")
         raise InputError(f"--limit: no command stays within the limit of {why} with {search.spare:g} to spare")
-    least = {pair: min(r, reach[every.index(pair[::-1])]) for pair, r in zip(every, reach, strict=True)}
+    own = dict(zip(every, reach.tolist(), strict=True))
+    least = {pair: min(r, own.get(pair[::-1], r)) for pair, r in own.items()}
     asked = [p for p in every if least[p] >= MIN_LINEAR_RATIO * NEEDED_EVIDENCE]
     asked = asked or [p for p in every if least[p] >= max(NEEDED_EVIDENCE, 0.5 * max(least.values()))]
     asked = asked or [p for p in every if p in (every[0], every[0][::-1])]
@@ -205,13 +216,15 @@ def _told(
     """Return how well each two rivals are told apart: both ways, and from sigma points of the true one."""
     bench, first = search.bench, so_far(search.bench.problem, search.bench.contenders)
     found, names = [], [c.name for c in bench.contenders]
-    for i, j in (p for p in every if p[0] < p[1]):
-        expected = min(_expected(search, best.u, p) for p in ((i, j), (j, i)))
+    for i, j in dict.fromkeys((min(p), max(p)) for p in every):
+        ways = [p for p in ((i, j), (j, i)) if p in least]
+        expected = min(_expected(search, best.u, p) for p in ways)
         places = [k for k, p in enumerate(search.pairs) if set(p) == {i, j}]
         seen = float(best.certainties[places].min()) if best.certainties is not None and places else np.nan
         most, alike, nested = max(expected, 0.0), False, False
         if expected < NEEDED_EVIDENCE:
-            most = max(expected, _most(search, (i, j), every, whole)) if least[i, j] >= NEEDED_EVIDENCE else least[i, j]
+            most = least[ways[0]]
+            most = max(expected, _most(search, ways, every, whole)) if most >= NEEDED_EVIDENCE else most
             nested = bool(most < NEEDED_EVIDENCE) and _kin(bench.contenders[i], bench.contenders[j])
             alike = bool(most < NEEDED_EVIDENCE) and not nested
         found.append(
@@ -239,11 +252,11 @@ def _expected(search: CommandSearch, u: Array, pair: Pair) -> float:
     return min(values)
 
 
-def _most(search: CommandSearch, pair: Pair, every: Sequence[Pair], whole: Sequence[CommandTrial]) -> float:
+def _most(search: CommandSearch, ways: Sequence[Pair], every: Sequence[Pair], whole: Sequence[CommandTrial]) -> float:
     """Return the largest real distance of two rivals over the commands of the largest linear ones."""
-    places = [k for k, p in enumerate(every) if set(p) == set(pair)]
+    places = [k for k, p in enumerate(every) if p in ways]
     near = sorted(whole, key=lambda one: -float(one.linear[places].min()))[:3]
-    return max((min(_real(search.bench, search.t, one.u, p) for p in (pair, pair[::-1])) for one in near), default=0.0)
+    return max((min(_real(search.bench, search.t, one.u, p) for p in ways) for one in near), default=0.0)
 
 
 def _real(bench: RivalBench, t: Array, u: Array, pair: Pair) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from dataclasses import replace
 from importlib import resources
 
 import jsonschema
@@ -19,6 +20,8 @@ from signlin_ros.diagnosis.output_error.execution import CancelledError
 from signlin_ros.diagnosis.rivals import rival
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import InputError
+from signlin_ros.experiment import setting
+from signlin_ros.experiment.distance import RivalBench
 from signlin_ros.experiment.families import COMMAND_FAMILIES, asked_by
 from signlin_ros.experiment.limits import limits_of
 from signlin_ros.experiment.minima import led_by
@@ -236,6 +239,16 @@ def test_a_richer_law_starts_from_the_simpler_one_that_it_contains():
     assert found == {"F_c": 0.02, "F_s": 0.025, "v_s": 3.0}
     assert led_by("coulomb_friction", "stribeck_friction", {"mu": 0.02}) == {}
     assert led_by("backlash", "compliant_load", {}) == {}
+
+
+def test_what_is_far_behind_is_to_lose_but_is_not_thought_to_be_true(monkeypatch):
+    bench = RivalBench(None, (None,) * 4, None, None, {})
+    assert len(bench.pairs) == 12
+    monkeypatch.setattr(setting, "so_far", lambda problem, contenders: np.array([30.0, 0.0, 5.0, np.nan]))
+    assert setting.likely_ones(bench) == {0, 1, 2}
+    pairs = replace(bench, likely=setting.likely_ones(bench)).pairs
+    assert {i for i, _ in pairs} == {0, 1, 2}
+    assert {j for _, j in pairs} == {0, 1, 2, 3}
 
 
 def test_of_each_family_the_simplest_laws_are_planned_for():
