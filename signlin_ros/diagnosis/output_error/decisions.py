@@ -38,11 +38,12 @@ class Decisions:
 
     def certainty(self, before: FittedModel, after: FittedModel) -> float:
         """Return by how many standard errors a model lowers the error on validation data. Where it leaves but noise
-        they are of noise, and training data count too: what acts for once is in few blocks.
+        they are of noise, and training data count too: what acts for once is in few blocks. Not of a free run in a
+        closed loop: where a servo stands still its encoder's error is one and the same, which is no noise.
         """
         c, known, unseen = self.criteria, self.problem, self.unseen
         blocks = gain(before.validation_squares, after.validation_squares, unseen.noise).certainty
-        if blocks > c.certainty or after.level > before.level or not after.clean:
+        if blocks > c.certainty or known.base.plant.closed_loop or after.level > before.level or not after.clean:
             return blocks
         if elsewhere(after.training_squares, after.validation_squares, known.noise, unseen.noise, c.near):
             return blocks
