@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -49,6 +49,19 @@ class Dataset:
         if self.model.plant.closed_loop:
             return max(float(s.t[-1] - s.t[0]) for s in self.problem.segments)
         return float(max(self.model.update_period, 2 * self.problem.scale.step))
+
+    def knowing(self, own: Mapping[str, Mapping[str, float]]) -> Dataset:
+        """Return the same where records have known values of parameters, by source: what one has of its own."""
+        if not own:
+            return self
+        frozen = dict.fromkeys((*self.model.frozen, *(n for values in own.values() for n in values)))
+        base = self.model.with_options(frozen=tuple(n for n in frozen if n in self.model.parameters))
+
+        def side(problem: Problem) -> Problem:
+            parts = (replace(p, conditions={**own.get(p.source, {}), **p.conditions}) for p in problem.parts)
+            return replace(problem, base=base, parts=tuple(parts))
+
+        return replace(self, problem=side(self.problem), unseen=side(self.unseen))
 
     @cached_property
     def noise(self) -> dict[str, float]:

@@ -318,13 +318,13 @@ def evidence_of(
     `OutputErrorEstimator` for the arguments.
     """
     motion = OutputErrorEstimator(c.problem, c.unseen, criteria, jobs, tell, cancelled, seen)
-    force = equation_error_of(c, criteria, tell, seen)
+    force = equation_error_of(c.knowing(motion.own_values), criteria, tell, seen)
     if asks_hold(c):
         tell("how the input acts")
         found = with_hold(c, motion, force, criteria)
         if found is not None:
             c, motion = found
-            force = equation_error_of(c, criteria, tell, seen)
+            force = equation_error_of(c.knowing(motion.own_values), criteria, tell, seen)
     return Evidence(c, motion, force)
 
 

@@ -14,6 +14,7 @@ from signlin_ros.effects import EFFECTS
 from signlin_ros.effects.base import Effect
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.follow.equations import Equations, equations
+from signlin_ros.follow.segments import PreparedSegment
 from signlin_ros.model import Model
 from signlin_ros.model.numbers import declared, numbers
 from signlin_ros.par import declared_name
@@ -31,7 +32,9 @@ SHAPE = 3.0
 
 @dataclass(frozen=True)
 class Coordinate:
-    """A free parameter as the search sees it: its logarithm, or itself divided by ``unit``."""
+    """A free parameter as the search sees it: its logarithm, or itself divided by ``unit``; ``record``: the source of
+    the one record whose own value it is, empty where all share it.
+    """
 
     name: str
     log: bool
@@ -40,6 +43,12 @@ class Coordinate:
     high: float
     prior: float
     spread: float
+    record: str = ""
+
+    @property
+    def parameter(self) -> str:
+        """The model's parameter that it is a value of: ``q0`` for ``q0@2``, that of the second record."""
+        return self.name.partition("@")[0]
 
     def value(self, theta: float) -> float:
         """Return the parameter for a coordinate."""
@@ -120,6 +129,18 @@ class Candidate:
         values = {**self.values, **self.named(theta)}
         return np.array([values[name] for name in self.equations.parameters])
 
+    @functools.cached_property
+    def own(self) -> tuple[str, ...]:
+        """The parameters of which records have values of their own."""
+        return tuple(dict.fromkeys(k.parameter for k in self.coordinates if k.record))
+
+    def conditions(self, theta: Array, s: PreparedSegment) -> Mapping[str, float]:
+        """Return what is known of a record, its own values at some coordinates included."""
+        if not self.own:
+            return s.conditions
+        pairs = zip(self.coordinates, theta.tolist(), strict=True)
+        return {**{k.parameter: k.value(x) for k, x in pairs if k.record == s.source}, **s.conditions}
+
     def under(self, p: Array, conditions: Mapping[str, float]) -> Array:
         """Return all parameters with those that are known of a record."""
         if not conditions:
@@ -127,15 +148,48 @@ class Candidate:
         values = zip(self.equations.parameters, p.tolist(), strict=True)
         return np.array([conditions.get(name, value) for name, value in values])
 
+    def to_coordinates(self, D: Array, s: PreparedSegment) -> Array:
+        """Return derivatives (T, ny, k) to the free parameters of the equations as those to the coordinates: of a value
+        that another record has, 0.
+        """
+        if not self.own or not len(D):
+            return D
+        free = self.equations.free
+        found = np.zeros((*D.shape[:2], len(self.coordinates)))
+        for i, k in enumerate(self.coordinates):
+            if k.record in ("", s.source):
+                found[:, :, i] = D[:, :, free.index(k.parameter)]
+        return found
+
     def sensors(self, p: Array) -> tuple[Array, Array, Array]:
         """Return gain, offset and delay of every channel (ny,) among all parameters."""
         gain, offset, delay = p[len(self.model.trace.parameters) :].reshape(3, -1)
         return gain, offset, delay
 
     def model_at(self, theta: Array) -> Model:
-        """Return the model with the values of some coordinates; what its sensors add is not part of it."""
-        pars, values = declared(self.model), self.named(theta)
-        return self.model.with_parameters({n: pars[n].nearest(v) for n, v in values.items() if n not in self.label})
+        """Return the model with the values of some coordinates, of records' own values their mean; what its sensors add
+        is not part of it.
+        """
+        pars, values = declared(self.model), dict[str, list[float]]()
+        for k, x in zip(self.coordinates, theta.tolist(), strict=True):
+            values.setdefault(k.parameter, []).append(k.value(x))
+        means = {n: float(np.mean(v)) for n, v in values.items() if n not in self.label}
+        return self.model.with_parameters({n: pars[n].nearest(v) for n, v in means.items()})
+
+    def elsewhere(self, problem: Problem, theta: Array, fitted: Collection[str]) -> tuple[Candidate, Array]:
+        """Return the candidate and coordinates for other records: what was ``fitted`` to records of some sources, or is
+        shared, is held; what others have of their own is free, from the mean of those.
+        """
+        kept, pairs = list[tuple[Coordinate, float]](), list(zip(self.coordinates, theta.tolist(), strict=True))
+        for k, x in pairs:
+            kept += [(replace(k, low=x, high=x), x)] if not k.record or k.record in fitted else []
+        for name in self.own:
+            those = [(k, x) for k, x in pairs if k.parameter == name]
+            mean = float(np.mean([x for _, x in those]))
+            new = [(i, s) for i, s in _asking(problem, name) if s not in fitted]
+            kept += [(replace(those[0][0], name=f"{name}@+{i}", record=s), mean) for i, s in new]
+        values = {**self.values, **{k.name: k.value(x) for k, x in kept}}
+        return replace(self, coordinates=tuple(k for k, _ in kept), values=values), np.array([x for _, x in kept])
 
     def slopes(self, theta: Array) -> Array:
         """Return d parameter / d coordinate of every coordinate."""
@@ -153,20 +207,34 @@ class Candidate:
 
 
 def _base_coordinates(problem: Problem, model: Model) -> list[Coordinate]:
-    """Return the base parameters that may move: those that are neither frozen nor exactly 0, with their priors."""
+    """Return the base parameters that may move: those that are neither frozen nor exactly 0, with priors; records' own
+    values of one, as many as records tell nothing of it.
+    """
     base, pars, result = problem.base, declared(problem.base), []
     for name, nominal in numbers(base).items():
-        key, _, own = name.rpartition(".")
+        key, _, short = name.rpartition(".")
         spread = KNOWN_EFFECT if key else model.tolerance_of(name)
-        whole = bool(key) and declared_name(own) in EFFECTS[base.effects[key].type].whole_orders
-        if nominal == 0.0 or whole or not spread or name not in model.trace.parameters:
+        whole = bool(key) and declared_name(short) in EFFECTS[base.effects[key].type].whole_orders
+        own = name in base.per_record
+        if (nominal == 0.0 and not own) or whole or not spread or name not in model.trace.parameters:
             continue
         par, unit = pars[name], abs(nominal)
-        if nominal > 0 and par.low >= 0:
-            result.append(Coordinate(name, True, unit, -20.0, 20.0, 0.0, spread))
+        if nominal == 0.0:
+            unit = problem.scale.of(par.unit)
+            k = Coordinate(name, False, unit, par.low / unit, par.high / unit, 0.0, np.inf)
+        elif nominal > 0 and par.low >= 0:
+            k = Coordinate(name, True, unit, -20.0, 20.0, 0.0, spread)
         else:
-            result.append(Coordinate(name, False, unit, par.low / unit, par.high / unit, np.sign(nominal), spread))
+            k = Coordinate(name, False, unit, par.low / unit, par.high / unit, np.sign(nominal), spread)
+        result += [replace(k, name=f"{name}@{i}", record=s) for i, s in _asking(problem, name)] if own else [k]
     return result
+
+
+def _asking(problem: Problem, name: str) -> list[tuple[int, str]]:
+    """Return number, from 1, and source of every record of which a parameter is not known."""
+    numbered = enumerate(dict.fromkeys(s.source for s in problem.segments), 1)
+    known = {s.source for s in problem.segments if name in s.conditions}
+    return [(i, source) for i, source in numbered if source not in known]
 
 
 def _effect_coordinates(problem: Problem, model: Model, key: str) -> list[Coordinate]:
@@ -209,10 +277,11 @@ def candidate(
     for key in added:
         coordinates += _effect_coordinates(problem, model, key)
     coordinates += [_sensor_coordinate(problem, name) for name in sensors]
-    eq = equations(model.structure, problem.channels, tuple(c.name for c in coordinates))
+    eq = equations(model.structure, problem.channels, tuple(dict.fromkeys(k.parameter for k in coordinates)))
     known = ((c, problem.base.sensors[c]) for c in problem.channels)
     shown = {f"sensor_{what}.{c}": getattr(s, what) for c, s in known for what in ("gain", "offset", "delay")}
     values = {**{name: model.value(name) for name in model.trace.parameters}, **shown, **sensors}
+    values |= {k.name: values[k.parameter] for k in coordinates if k.record}
     return Candidate(model, eq, tuple(coordinates), values, (*added, *sensors))
 
 

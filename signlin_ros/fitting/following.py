@@ -66,7 +66,7 @@ def follow_records(
         late = lags.copy()
         late[:, 3:] = (s.inner or (s.whole and _moving(problem, s))) and not imposed  # nobody saw what was before
         u, acts = acting(problem.base, s.t, s.u, delay - s.early)
-        own_p = c.under(p, s.conditions)
+        own_p = c.under(p, c.conditions(theta, s))
         rest = (own_p, scale, acts, ringing, late, belief, variances)
         x0 = _record_start(problem, c, s, gains.tau, (u, rows, *rest)).copy()
         if imposed and delay and plant.position in states:
@@ -86,7 +86,7 @@ def follow_records(
         if unseen.any():
             usual = np.sqrt(mean_square(np.where(unseen, np.nan, E)))
             E[unseen] = np.broadcast_to(np.where(np.isfinite(usual), usual, problem.noise), E.shape)[unseen]
-        for kept, one in zip(found, (E, D, X), strict=True):
+        for kept, one in zip(found, (E, c.to_coordinates(D, s), X), strict=True):
             kept.append(one)
     return found
 
@@ -122,7 +122,7 @@ def _scale(problem: Problem, c: Candidate) -> Array:
 
 def _seen_late(problem: Problem, c: Candidate, p: Array) -> Array:
     """Return by how much every channel is seen late, for `follow`."""
-    free, rows = [k.name for k in c.coordinates], []
+    free, rows = list(c.equations.free), []
     for channel, lag in zip(problem.channels, c.sensors(p)[2], strict=True):
         name = f"sensor_delay.{channel}"
         state = c.model.states.index(channel) if channel in c.model.states else 0

@@ -238,14 +238,14 @@ def _scale(
 
 
 def with_known(model: Model, data: Sequence[ModelData]) -> Model:
-    """Return the model with what is known of records frozen; what all of them agree on has its value there."""
-    if model.per_record:
-        said = f"per_record: {', '.join(model.per_record)}: no fit gives a parameter a value for each record yet"
-        raise RecordError(f"{model.source}: {said}; say what is known: --set FILE:NAME=VALUE")
+    """Return the model with what is known of records frozen; what all of them agree on has its value there. What is to
+    have a value for each record is frozen where every record states one.
+    """
     names = dict.fromkeys(name for record in data for name in record.conditions)
     values = {n: {record.conditions.get(n, np.nan) for record in data} for n in names}
     model = model.with_parameters({n: next(iter(found)) for n, found in values.items() if len(found) == 1})
-    frozen = (*model.frozen, *(n for n in names if n in model.parameters))
+    asked = {n for n in model.per_record if any(n not in record.conditions for record in data)}
+    frozen = (*model.frozen, *(n for n in names if n in model.parameters and n not in asked))
     return model.with_options(frozen=tuple(dict.fromkeys(frozen)))
 
 

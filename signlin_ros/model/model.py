@@ -151,7 +151,8 @@ class Model:
         """Return a model without one effect."""
         if key not in self.effects:
             raise ModelError(f"effects.{key}: is not in the model; there are: {choices(self.effects)}")
-        return self._changed(effects={k: use for k, use in self._written.items() if k != key})
+        kept = [n for n in self.per_record if n.partition(".")[0] != key]
+        return self._changed(effects={k: use for k, use in self._written.items() if k != key}, per_record=kept)
 
     @property
     def _written(self) -> dict[str, dict[str, Any]]:

@@ -54,6 +54,8 @@ def check_names(model: Model) -> None:
     for name in model.per_record:
         if name not in (free := [n.split(".", 1)[1] for n in model.par_declarations()]):
             raise ModelError(f"per_record: {name!r} is no parameter; there are: {choices(free)}{suggest(name, free)}")
+        if name in model.frozen:
+            raise ModelError(f"per_record: {name!r} is frozen, so that no fit may give it a value for each record")
     if model.sign_scale == 0.0 and not model.operating_range and model.plant.velocity:
         example = f"{{{model.plant.velocity}: 30.0}}"
         raise ModelError(f"operating_range: missing; sign_scale 0.0 is chosen from it, e.g. {example}")

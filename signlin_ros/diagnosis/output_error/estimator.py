@@ -26,6 +26,7 @@ from signlin_ros.diagnosis.output_error.fitting import (
     cheapest,
     climbed,
     in_turn,
+    of_own,
     promising,
     settled,
     without,
@@ -116,6 +117,15 @@ class OutputErrorEstimator(Decisions, Execution):
         """The best fit of the model as given."""
         return self._best[()]
 
+    @property
+    def own_values(self) -> dict[str, dict[str, float]]:
+        """What records have of their own in the best fit of the model as given, by their sources: known elsewhere."""
+        found = dict[str, dict[str, float]]()
+        for one in self.base.known:
+            if one.k.record:
+                found.setdefault(one.k.record, {})[one.k.parameter] = one.k.value(one.x)
+        return found
+
     @functools.cached_property
     def given(self) -> FittedModel:
         """The model as given."""
@@ -166,7 +176,10 @@ class OutputErrorEstimator(Decisions, Execution):
             return known, known if as_it_is else in_turn(self.problem, c, theta, self.unseen.folds)
         known = np.array([windowed(self.problem, c, theta, gains) for gains in levels])
         own = np.argmin(np.nan_to_num(known).mean(axis=1), axis=0).tolist()
-        unseen = {k: windowed(self.unseen, c, theta, levels[k]) for k in set(own)}
+        fitted = {s.source for s in (self.unseen if as_it_is else self.problem).segments}
+        unseen = {
+            k: windowed(self.unseen, *of_own(self.unseen, c, theta, levels[k], fitted), levels[k]) for k in set(own)
+        }
         pairs = list(enumerate(own))
         return np.column_stack([known[k, :, i] for i, k in pairs]), np.column_stack([unseen[k][:, i] for i, k in pairs])
 

@@ -69,6 +69,8 @@ class FittedCoordinate(NamedTuple):
         """What is told beside its value."""
         if self.at_bound:
             return "at its bound"
+        if self.k.record:
+            return f"of {self.k.record}"
         if self.k.spread < 1.0 and abs(self.off) > ODD:
             return f"{abs(self.off):.1f} tolerances from its nominal value"
         untold = self.k.spread < 1.0 and self.std > UNTOLD * self.k.spread
@@ -152,7 +154,8 @@ class FittedModel:
     @property
     def off(self) -> dict[str, float]:
         """By how many tolerances every base parameter is off its nominal value."""
-        return {one.k.name: one.off for one in self.known if one.k.spread < np.inf and not one.key}
+        shared = (one for one in self.known if not one.k.record)
+        return {one.k.name: one.off for one in shared if one.k.spread < np.inf and not one.key}
 
     def far(self, criteria: Criteria) -> dict[str, float]:
         """Return the base parameters that are far from nominal, and by how many tolerances."""
@@ -261,7 +264,7 @@ def estimates(problem: Problem, model: Model, coordinates: Sequence[FittedCoordi
     """Return all free parameters with standard errors and units."""
     units = _units(problem, model)
     known = ((one, one.std * abs(one.k.slope(one.x))) for one in coordinates)
-    return {k.k.name: ParameterEstimate(k.k.value(k.x), error, units[k.k.name], k.note) for k, error in known}
+    return {k.k.name: ParameterEstimate(k.k.value(k.x), error, units[k.k.parameter], k.note) for k, error in known}
 
 
 def held(problem: Problem, model: Model, free: Collection[str]) -> dict[str, ParameterEstimate]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from operator import attrgetter
 from typing import Any
@@ -16,6 +16,7 @@ from signlin_ros.diagnosis.output_error.trials import CandidateParts, Trial
 from signlin_ros.effects import EFFECTS
 from signlin_ros.fitting.candidate import Candidate
 from signlin_ros.fitting.fit import Fit, evaluated, fit, further
+from signlin_ros.fitting.gains import ObserverGains
 from signlin_ros.fitting.problem import Problem
 
 Array = NDArray[np.float64]
@@ -101,16 +102,29 @@ def _from_around(problem: Problem, c: Candidate, known: Sequence[Array]) -> list
 
 def in_turn(problem: Problem, c: Candidate, theta: Array, folds: Sequence[Sequence[int]]) -> Array:
     """Return the squared errors (blocks, channels) of every record, each predicted by a fit to the records of the other
-    folds [cross validation: Stone, J. R. Stat. Soc. B 36 (1974) 111].
+    folds [cross validation: Stone, J. R. Stat. Soc. B 36 (1974) 111]; what each record has of its own is fitted to it.
     """
-    gains, found = problem.levels[-1], dict[int, Array]()
+    gains, parts, found = problem.levels[-1], parts_of(problem), dict[int, Array]()
     for fold in folds:
         others = tuple(s for i, s in enumerate(problem.segments) if i not in fold)
-        f = fit(replace(problem, segments=others), c, gains, theta, LAST_STEPS)
+        f, fitted = fit(replace(problem, segments=others), c, gains, theta, LAST_STEPS), {s.source for s in others}
         for i in fold:
             one = replace(problem, segments=(problem.segments[i],))
-            found[i] = windowed(one, c, theta if f is None else f.theta, gains, parts_of(problem))
+            found[i] = windowed(one, *of_own(one, c, theta if f is None else f.theta, gains, fitted), gains, parts)
     return np.concatenate([found[i] for i in range(len(problem.segments))])
+
+
+def of_own(
+    problem: Problem, c: Candidate, theta: Array, gains: ObserverGains, fitted: Collection[str]
+) -> tuple[Candidate, Array]:
+    """Return a candidate that was ``fitted`` to records of some sources for others: what each of these is to have of
+    its own is fitted to it, and nothing else.
+    """
+    if not c.own:
+        return c, theta
+    other, start = c.elsewhere(problem, theta, fitted)
+    f = fit(problem, other, gains, start, LAST_STEPS)
+    return other, start if f is None else f.theta
 
 
 def without(problem: Problem, f: Fit, covariances: Sequence[Array], index: tuple[int, ...]) -> float:
@@ -216,6 +230,7 @@ __all__ = [
     "bred",
     "cheapest",
     "climbed",
+    "of_own",
     "promising",
     "settled",
     "without",

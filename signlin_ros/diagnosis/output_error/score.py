@@ -173,7 +173,7 @@ def _errors(
         known = X if c.filtered else _corrected(gains, c, X, e)
         least = [max(problem.x_scale.get(name, 0.0), 1e-9) for name in model.states]
         size = np.maximum(least, np.abs(known).max(axis=0))
-        tracker = Tracker(model.under(s.conditions), s.t, s.u, s.y, problem.channels, size, s.early)
+        tracker = Tracker(model.under(c.conditions(theta, s)), s.t, s.u, s.y, problem.channels, size, s.early)
         free = tracker.restarted(known, at[:-1])
         if free.stopped is not None:
             return None
