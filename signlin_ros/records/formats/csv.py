@@ -23,6 +23,7 @@ from signlin_ros.errors import RecordError
 from signlin_ros.files import TEXT
 from signlin_ros.records import limits
 from signlin_ros.records.clean import Keep, RawTable
+from signlin_ros.records.formats.echo import joint_states
 from signlin_ros.records.formats.layout import (
     EMPTY_CELLS,
     MEASURED,
@@ -89,7 +90,7 @@ def read_table(path: Path, source: str, keep: Keep, asked: Sequence[str] = ()) -
         Empty, no rows, ragged rows, a cell that is not a number: with row, line and column named.
     """
     decoded, notes = _decoded(_unpacked(path, source), source)
-    told = plain(decoded)
+    told = plain(decoded) or joint_states(decoded, asked)
     if told is not None:
         decoded, notes = told[0], (*notes, told[1])
     limits.check_cells(decoded, source)

@@ -1,0 +1,89 @@
+"""Records of an arm in the files that people have (columns, echoes of topics, bags), found by the joints' names."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from signlin_ros.arms.data import read_data, runs_of
+from signlin_ros.model import Model
+from signlin_ros.records.formats.echo import joint_states
+from tests.arm_records import record, small, written
+from tests.unit.test_records_bag import joints, write_bag
+
+MODEL = small()
+NAMES = MODEL.robot.names
+T, Q, V, U = (x[:400] for x in record(MODEL, 1))
+ORDER = [2, 0, 1]
+
+
+def runs(path, model=MODEL):
+    (data,) = read_data(model, [str(path)], {})
+    (run,) = runs_of(model, data)
+    return run
+
+
+def lines(t=T, q=Q, v=V, u=U, order=ORDER):
+    names = [NAMES[i] for i in order]
+    stamp = 1_700_000_000 + t
+    return [
+        ",".join(
+            [
+                str(int(s)),
+                str(round((s - int(s)) * 1e9)),
+                "base",
+                *names,
+                *(f"{row[i]:.9g}" for row in (a, b, c) for i in order),
+            ]
+        )
+        for s, a, b, c in zip(stamp, q, v, u, strict=True)
+    ]
+
+
+def test_topic_echo_of_joint_states_is_read_by_names(tmp_path):
+    path = tmp_path / "echo.csv"
+    path.write_text("\n".join(lines()) + "\n")
+    run, plain = runs(path), runs(written(tmp_path / "run.csv", NAMES, T, Q, V, U))
+    np.testing.assert_allclose(run.q, plain.q, atol=1e-6)
+    np.testing.assert_allclose(run.v, plain.v, atol=1e-6)
+    np.testing.assert_allclose(run.tau, plain.tau, atol=1e-5)
+    assert run.step == pytest.approx(plain.step, rel=1e-6)
+
+
+def test_topic_echo_whose_order_changes_is_read_by_names(tmp_path):
+    path = tmp_path / "echo.csv"
+    mixed = [*lines()[:200], *lines(order=[0, 1, 2])[200:]]
+    path.write_text("\n".join(mixed) + "\n")
+    np.testing.assert_allclose(runs(path).q, Q, atol=1e-6)
+
+
+def test_columns_by_number_stay_as_they_are():
+    text = "\n".join(lines()[:3])
+    assert joint_states(text, ("c10",)) is None
+    assert joint_states("1,2,base,wheel,0.1,0.2,0.3\n" * 3) is None
+    assert joint_states("1,2,3,4,5,6,7,8,9,10,11\n" * 3) is None
+
+
+def test_a_bag_of_joint_states_is_read_by_names(tmp_path):
+    own = [NAMES[i] for i in ORDER]
+    messages = []
+    for s, a, b, c in zip(T, Q, V, U, strict=True):
+        stamp = 1_700_000_000_000_000_000 + round(1e9 * s)
+        message = replace(joints(stamp, own, a[ORDER], b[ORDER]), effort=c[ORDER])
+        messages.append(("/joint_states", stamp, message))
+    path = write_bag(tmp_path / "bag", messages)
+    run = runs(path)
+    np.testing.assert_allclose(run.q, Q, atol=1e-12)
+    np.testing.assert_allclose(run.tau, U, atol=1e-12)
+
+
+def test_currents_with_gains_are_torques(tmp_path):
+    gains = np.array([8.0, 9.0, -10.0])
+    content = MODEL.to_dict()
+    for name, gain in zip(NAMES, gains, strict=True):
+        content[name] = {**content[name], "effort": {"gain": float(gain)}}
+    model = Model.from_dict(content, folder=MODEL.folder)
+    path = written(tmp_path / "run.csv", NAMES, T, Q, V, U / gains)
+    text = (tmp_path / "run.csv").read_text().replace("effort [N·m]", "effort [A]")
+    (tmp_path / "run.csv").write_text(text)
+    np.testing.assert_allclose(runs(path, model).tau, U, atol=1e-4)
