@@ -193,6 +193,8 @@ def effort_of(value: Any, where: str, own_unit: str) -> Effort:
 def _payload(value: Any) -> Payload | None:
     if value is None:
         return None
+    if isinstance(value, Mapping):  # YAML reads a bare `on` as true
+        value = {"on" if key is True else key: item for key, item in value.items()}
     given = _table(value, "payload", ("on", "m", "com", "tolerance"))
     if not isinstance(given.get("on"), str):
         raise ModelError(f"payload.on: found {given.get('on')!r}; allowed: the name of a link")

@@ -1,6 +1,7 @@
 """Models of arms: files, names, errors, and the linearization joint by joint."""
 
 import os
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -225,3 +226,15 @@ def test_a_six_joint_arm_is_linearized_by_few_operations():
     model = Model.from_dict({"plant": "arm", "robot": str(file), **dict.fromkeys(joints, friction)})
     function, _ = linear_function(model.structure, 50, "per_joint")
     assert function.n_instructions() < 9000
+
+
+def test_a_payload_is_read_as_the_documents_write_it(tmp_path):
+    """YAML reads a bare `on` as true."""
+    shutil.copy(SMALL.with_suffix(".urdf"), tmp_path / "small_arm.urdf")
+    text = SMALL.read_text(encoding="utf-8")
+    more = "    payload: {on: tool, m: 0.5, com: [0, 0, 0.1], tolerance: {m: 5.0, com: 0.1}}\n"
+    (tmp_path / "arm.yaml").write_text(text.rstrip() + "\n" + more, encoding="utf-8")
+    model = Model.load(tmp_path / "arm.yaml")
+    assert (model.arm.payload.on, model.arm.payload.m) == ("tool", 0.5)
+    model.save(tmp_path / "again.yaml")
+    assert Model.load(tmp_path / "again.yaml").arm.payload == model.arm.payload
