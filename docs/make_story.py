@@ -64,12 +64,14 @@ PICTURES = {
     "diagnosis_files/ladder.png": "story_ladder.png",
 }
 SHORT = {
-    "compare": r"fitted to|  model as given|  refitted|  speed > 0",
+    "compare": r"training +/|  model as given|  refitted|  speed > 0",
     "diagnose": r"MISSING|coulomb_friction: |constant_load: ",
-    "add": r"fitted to|  refitted|  coulomb_friction +current",
-    "refine": r"fitted to|  refitted|  coulomb_friction \+|note: stopped",
+    "add": r"training +/|  refitted|  coulomb_friction +current",
+    "refine": r"training +/|  refitted|  coulomb_friction \+|note: stopped",
 }
 """The lines that the README shows of each command."""
+WITHOUT_ROWS = {"refine": r"MISSING|note: stopped"}
+"""The lines that the page shows of a command whose rows stand above."""
 
 
 # --------------------------------------------------------------------------- the motor
@@ -178,8 +180,13 @@ def short(said: Mapping[str, str]) -> str:
     lines = []
     for name, pattern in SHORT.items():
         lines.append("$ " + COMMANDS[name].partition(" --report")[0])
-        lines += [x for x in said[name].splitlines() if re.search(pattern, x)]
+        lines.append(lines_of(said[name], pattern))
     return "\n".join(lines)
+
+
+def lines_of(text: str, pattern: str) -> str:
+    """Return the lines that hold a pattern."""
+    return "\n".join(line for line in text.splitlines() if re.search(pattern, line))
 
 
 def small(source: Path, target: Path) -> None:
@@ -199,7 +206,8 @@ def main() -> None:
     (folder / "my_motor.yaml").write_text(MY_MOTOR, encoding="utf-8")
     truth = {name: record(folder, name) for name in RECORDS}["tuesday"]
     said = {name: run(folder, command) for name, command in COMMANDS.items()}
-    blocks = {name: f"$ {COMMANDS[name]}\n{text}" for name, text in said.items()}
+    shown = said | {name: lines_of(said[name], pattern) for name, pattern in WITHOUT_ROWS.items()}
+    blocks = {name: f"$ {COMMANDS[name]}\n{text}" for name, text in shown.items()}
     model = {"base": MY_MOTOR.rstrip(), "model": (folder / "my_motor_2.yaml").read_text(encoding="utf-8").rstrip()}
     blocks |= {**model, "short": short(said), "predictions": predictions(folder, truth), "ros": on_ros(folder)}
     for page in (DOCS / "diagnosis.md", DOCS.parent / "README.md"):

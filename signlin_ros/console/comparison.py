@@ -56,7 +56,7 @@ def _notes(content: dict[str, Any]) -> str:
     return "\n".join(f"note: {note}" for note in dict.fromkeys(content["notes"]) if note not in told)
 
 
-ERRORS = ("", "", "fitted to", "/ noise", "unseen", "fit", "/ noise")
+ERRORS = ("", "", "training", "/ noise", "validation", "fit", "/ noise")
 """Columns of the rows by which models are told apart."""
 
 
@@ -72,8 +72,8 @@ def _first_rows(content: dict[str, Any]) -> str:
 AT_BEST = (
     "of validation data; refitted: with base parameters fitted to training data; what is proposed: with the values told"
 )
-"""Which values the force is told for, and of which data: what is fitted to training data may leave more of unseen
-ones."""
+"""Which values the force is told for, and of which data: what is fitted to training data may leave more of validation
+data."""
 
 
 def _errors(rows: list[list[str]], horizon: float) -> str:

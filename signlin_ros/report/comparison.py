@@ -107,7 +107,7 @@ def _first_rows(c: Comparison) -> list[Block]:
 
 def rows_table(named: Sequence[tuple[str, LadderRow]], unit: Callable[[str], str]) -> ReportTable:
     """Return the rows by which models are told apart: a group for each, the noise of the sensors last."""
-    head = ["model", "channel", "unit", "data of the fit", "over noise", "validation data", "fit", "over noise"]
+    head = ["model", "channel", "unit", "training data", "over noise", "validation data", "fit", "over noise"]
     units = {name: unit(name) for _, rung in named for name in rung.validation.channels}
     found = error_rows([(name, rung.to_json()) for name, rung in named])
     rows = [[name, channel, units.get(channel, "of the effort"), *cells] for name, channel, *cells in found]

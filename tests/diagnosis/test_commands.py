@@ -80,7 +80,7 @@ def test_a_record_that_is_too_short_to_refit_is_compared_all_the_same(record, tm
     content = json.loads(call("compare", record / "model.yaml", file, "--json").stdout)
     assert content["first_rows"] is None
     assert [note for note in content["notes"] if "not refitted" in note and "at least 300 are needed" in note]
-    assert "fitted to" not in compare_text(content)
+    assert "training" not in compare_text(content)
     assert "next 0.2 s" in compare_text(content)
 
 
