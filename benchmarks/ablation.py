@@ -26,7 +26,7 @@ from benchmarks.hidden.generator import draw, write
 from benchmarks.hidden.score import NAMED, judge
 from signlin_ros.diagnosis import diagnose, load_records
 from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA, Criteria
-from signlin_ros.diagnosis.output_error import CancelledError
+from signlin_ros.diagnosis.progress import CancelledError, Progress
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 
@@ -115,7 +115,7 @@ def _answer(model: Model, known: ModelData, unseen: ModelData, case: Case) -> di
     end = time.process_time() + LIMIT
     criteria = without(case.off)
     late = lambda: time.process_time() > end  # noqa: E731
-    return diagnose(model, known, unseen, jobs=1, criteria=criteria, cancelled=late).to_json()
+    return diagnose(model, known, unseen, jobs=1, criteria=criteria, progress=Progress(cancelled=late)).to_json()
 
 
 def _drawn(case: Case) -> tuple[str, bool]:

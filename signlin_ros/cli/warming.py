@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA
-from signlin_ros.diagnosis.output_error import OutputErrorEstimator
+from signlin_ros.diagnosis.output_error import FitCache, estimator_of
 from signlin_ros.diagnosis.verbs import diagnose
 from signlin_ros.fitting.prepare import prepared
 from signlin_ros.model import Model
@@ -28,7 +28,7 @@ def warm_up() -> float:
     truth = model.with_effect("coulomb_friction", None, mu=0.02)
     known, unseen = _record(truth, 1), _record(truth, 2)
     diagnose(model, known, unseen, jobs=1)
-    motion = OutputErrorEstimator(*prepared(model, [known], [unseen]), DEFAULT_CRITERIA, jobs=1)
+    motion = estimator_of(*prepared(model, [known], [unseen]), DEFAULT_CRITERIA, FitCache(), jobs=1)
     motion.stated(["backlash"], model.with_effect("backlash", None, gap=0.5, k=20.0, c=0.05, J=5e-4))
     return time.perf_counter() - begun
 

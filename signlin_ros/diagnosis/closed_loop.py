@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from signlin_ros.diagnosis.dataset import Dataset
+from signlin_ros.diagnosis.evidence import Evidence
 from signlin_ros.diagnosis.results import listed
 from signlin_ros.diagnosis.verdict import Verdict
 from signlin_ros.effects import find_effect
@@ -13,14 +14,14 @@ CALLED = {"mass": "mass", "kp": "gain"}
 FAMILY = "dry friction"
 
 
-def remarks(j: Verdict) -> list[str]:
+def remarks(w: Evidence, v: Verdict) -> list[str]:
     """Return what the records cannot tell; empty for other plants."""
-    if not j.case.model.plant.closed_loop:
+    if not w.case.plant.closed_loop:
         return []
-    beside, alike = _beside(j), same(j.case)
+    beside, alike = _beside(w, v), same(w.case)
     found = [beside] if beside else []
     if alike:
-        had = " and ".join(f"one {CALLED[n]} ({value:g}{_unit(j.case, n)})" for n, value in alike.items())
+        had = " and ".join(f"one {CALLED[n]} ({value:g}{_unit(w.case, n)})" for n, value in alike.items())
         what = " and ".join(ASKED_CONDITIONS[n] for n in alike)
         other = " and ".join(f"another {CALLED[n]}" for n in alike)
         found.append(
@@ -29,24 +30,24 @@ def remarks(j: Verdict) -> list[str]:
     return found
 
 
-def _beside(j: Verdict) -> str:
+def _beside(w: Evidence, v: Verdict) -> str:
     """Return which richer laws of friction the records cannot tell beside what is named."""
-    if not j.names:
+    if not v.names:
         return ""
-    tried = j.motion.searched.get(j.names, set()) - set(j.names)
+    tried = w.cache.searched.get(v.names, set()) - set(v.names)
     names = sorted(n for n in tried if find_effect(n, "effects").family == FAMILY)
     if not names:
         return ""
-    gain = f"none lowers the error on validation data by {j.criteria.certainty:g} standard errors"
-    return f"beside {listed(j.names)} these records cannot tell {listed(names)}: {gain}"
+    gain = f"none lowers the error on validation data by {w.criteria.certainty:g} standard errors"
+    return f"beside {listed(v.names)} these records cannot tell {listed(names)}: {gain}"
 
 
-def experiments(j: Verdict) -> list[str]:
+def experiments(w: Evidence) -> list[str]:
     """Return which records would tell more."""
-    alike = same(j.case) if j.case.model.plant.closed_loop else {}
+    alike = same(w.case) if w.case.plant.closed_loop else {}
     what = {"mass": "friction that follows the load from friction that does not", "kp": "the motor from its loop"}
     return [
-        f"to tell {what[n]}: records with another {CALLED[n]} than {x:g}{_unit(j.case, n)}" for n, x in alike.items()
+        f"to tell {what[n]}: records with another {CALLED[n]} than {x:g}{_unit(w.case, n)}" for n, x in alike.items()
     ]
 
 
@@ -61,7 +62,7 @@ def same(case: Dataset) -> dict[str, float]:
 
 
 def _unit(case: Dataset, name: str) -> str:
-    return f" {case.model.plant.pars()[name].unit}".removesuffix(" -")
+    return f" {case.plant.pars()[name].unit}".removesuffix(" -")
 
 
 __all__ = ["experiments", "remarks", "same"]

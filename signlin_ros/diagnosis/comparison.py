@@ -25,7 +25,8 @@ from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA
 from signlin_ros.diagnosis.dataset import Dataset, Records, dataset_of
 from signlin_ros.diagnosis.evidence import Evidence, refitted_evidence
 from signlin_ros.diagnosis.input_hold import asks_hold, at_noise
-from signlin_ros.diagnosis.output_error import OutputErrorEstimator
+from signlin_ros.diagnosis.output_error import FitCache, estimator_of
+from signlin_ros.diagnosis.progress import Progress
 from signlin_ros.diagnosis.results import FirstRows
 from signlin_ros.errors import InputError, joined
 from signlin_ros.follow.data import Segment, as_list, measured_channels, stretches, unit_asked
@@ -188,18 +189,17 @@ def compare(
     cutoff: float | None = None,
     validation: Records | None = None,
     *,
-    progress: Callable[[str], None] | None = None,
-    cancelled: Callable[[], bool] | None = None,
+    progress: Progress | Callable[[str], None] | None = None,
 ) -> Comparison:
     """Hold a model against one record or several, ``data``.
 
     The first rows are those of `diagnose` with the same ``data`` and ``validation``; they are found when they are asked
-    for, which takes seconds. ``progress`` is told what is done, ``cancelled`` asked then whether to stop. ``horizon``
-    of the windowed prediction in s, by default the model's update period; ``cutoff`` of the inverse in Hz, by default
-    that of `diagnose`. Raises `RecordError` where nothing that the model predicts is measured, `InputError` for a
+    for, which takes seconds. ``progress`` watches, a function is told what is done. ``horizon`` of the windowed
+    prediction in s, by default the model's update period; ``cutoff`` of the inverse in Hz, by default that of
+    `diagnose`. Raises `RecordError` where nothing that the model predicts is measured, `InputError` for a
     horizon or a cut-off that the sampling cannot serve.
     """
-    records, tell = as_list(data), progress or (lambda what: None)
+    records, watched = as_list(data), _watched(progress)
     steps = np.concatenate([np.diff(record.t) for record in records])
     if model.asks_hold and steps.size:  # before anything is fitted
         _horizon(model, horizon, float(np.median(steps)))
@@ -208,20 +208,20 @@ def compare(
         prepared = dataset_of(model, data, validation)
     except InputError as error:
         prepared = error  # the records cannot be used as `diagnose` uses them
-    both = _how_inputs_act(prepared, tell, cancelled)
+    both = _how_inputs_act(prepared, watched)
     told = [both.case.told_hold] if both and both.case.told_hold else []
     model = model.with_options(input_hold=both.case.model.input_hold) if both else model
-    tell("noise of the sensors")
+    watched.say("noise of the sensors")
     observer, notes = _observed(model, records)
     units, horizon = dict(records[0].units), _horizon(model, horizon, observer.step)
-    tell("free run from the start")
+    watched.say("free run from the start")
     free = _free(observer, notes)
-    tell("prediction, window by window")
+    watched.say("prediction, window by window")
     window = _windowed(observer, horizon, notes)
-    tell("what is missing")
+    watched.say("what is missing")
     lacking, residuals = missing(observer, units), [run.innovation for run in observer.runs(observer.design(TRUSTING))]
     scored = _scored(observer, units, free, window, prepared.noise if isinstance(prepared, Dataset) else {})
-    tell("where it fails")
+    watched.say("where it fails")
     parts, channels, noise = observer.stretches, observer.channels, observer.noise
     efforts = compare_efforts(model, records, cutoff)
     effort, where = efforts.inverse(model, units) if efforts else None, locate(observer, lacking, units)
@@ -229,7 +229,7 @@ def compare(
     def refit() -> FirstRows:
         if isinstance(prepared, InputError):
             raise prepared
-        return (both or refitted_evidence(prepared, progress, cancelled)).first_rows()
+        return (both or refitted_evidence(prepared, watched)).first_rows()
 
     return Comparison(
         model=model,
@@ -259,20 +259,26 @@ def compare(
     )
 
 
-def _how_inputs_act(
-    c: Dataset | InputError, tell: Callable[[str], None], cancelled: Callable[[], bool] | None
-) -> Evidence | None:
+def _how_inputs_act(c: Dataset | InputError, progress: Progress) -> Evidence | None:
     """Return the model refitted with its inputs acting as the records show; None where that is said, or where what
     inputs that are held leave is noise.
     """
     if isinstance(c, InputError) or not asks_hold(c):
         return None
-    tell("how the input acts")
+    progress.say("how the input acts")
     try:
-        motion = OutputErrorEstimator(c.problem, c.unseen, DEFAULT_CRITERIA, 1, tell, cancelled)
-        return None if at_noise(motion, motion.base.training_squares) else refitted_evidence(c, tell, cancelled)
+        motion = estimator_of(c.problem, c.unseen, DEFAULT_CRITERIA, FitCache(), progress, 1)
+        return None if at_noise(motion, motion.base.training_squares) else refitted_evidence(c, progress)
     except InputError:
         return None  # first rows say why
+
+
+def _watched(progress: Progress | Callable[[str], None] | None) -> Progress:
+    """Return what watches, told of stages without shares: how many there are is known only where nothing is named."""
+    if progress is None or isinstance(progress, Progress):
+        return progress or Progress()
+    tell = progress
+    return Progress(lambda stage, share: tell(stage))
 
 
 def _horizon(model: Model, given: float | None, step: float) -> float:

@@ -16,6 +16,7 @@ from signlin_ros.fitting.problem import Problem
 from signlin_ros.follow.data import as_list, travelled
 from signlin_ros.model import Model
 from signlin_ros.noise import sensor_noise
+from signlin_ros.plants import Plant
 from signlin_ros.records import ModelData
 
 Array = NDArray[np.float64]
@@ -42,6 +43,11 @@ class Dataset:
     def model(self) -> Model:
         """The model as given, with its position as a state where that is measured."""
         return self.problem.base
+
+    @property
+    def plant(self) -> type[Plant]:
+        """Its plant."""
+        return self.problem.base.plant
 
     @property
     def horizon(self) -> float:

@@ -8,7 +8,7 @@ Biometrika 62 (1975) 57, doi:10.1093/biomet/62.1.57: nested models are discrimin
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ import numpy as np
 from signlin_ros.diagnosis.evidence import Evidence
 from signlin_ros.diagnosis.output_error import FittedModel
 from signlin_ros.diagnosis.results import listed
+from signlin_ros.diagnosis.selection import Selection
 from signlin_ros.digits import with_error
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import InputError, joined
@@ -92,11 +93,11 @@ def _refitted(w: Evidence, rival: PlannedRival) -> RefittedRival | None:
     if not rival.effects:
         return RefittedRival((), w.base, w.base)
     if len(rival.effects) == 1 and EFFECTS[rival.effects[0]].states:  # what remembers has several minima
-        w.keep(*motion.extensions(w.base, list(rival.effects), share=0.0))
+        w.cache.keep(*motion.extensions(w.base, list(rival.effects), share=0.0))
     best = motion.fitted_from(rival.effects, rival.starts)
     if best is None:
         return None
-    w.keep(best)
+    w.cache.keep(best)
     if not rival.of_interest:
         return RefittedRival(rival.effects, best, best)
     size, (low, high) = next(iter(rival.of_interest.items()))
@@ -111,17 +112,18 @@ def _refitted(w: Evidence, rival: PlannedRival) -> RefittedRival | None:
     return RefittedRival(rival.effects, best, least or best, size, stiff, at)
 
 
-def discriminated(w: Evidence, final: FittedModel, conflict: str) -> tuple[FittedModel, str]:
-    """Return the model to stand for after the rivals of a plan were refitted: the simplest of those that are surely
-    better takes its place, and then the estimates do not differ any more. Its parameters need not be known one by one,
-    as those of a law must that nobody asked for: that simpler laws lose says that it is not nothing.
+def discriminated(w: Evidence, s: Selection, rivals: Sequence[RefittedRival]) -> Selection:
+    """Return a selection after the rivals of a plan were refitted: the simplest of those that are surely better takes
+    the place of what was chosen, and then the estimates do not differ any more. Its parameters need not be known one by
+    one, as those of a law must that nobody asked for: that simpler laws lose says that it is not nothing.
     """
-    good = [one.best for one in w.rivals if len(one.effects) <= max(len(final.effects), 1) and _better(w, final, one)]
+    final, held = s.chosen, replace(s, rivals=tuple(rivals))
+    good = [one.best for one in rivals if len(one.effects) <= max(len(final.effects), 1) and _better(w, final, one)]
     best = min(good, key=lambda f: f.level, default=None)
     near = [f for f in good if best and w.motion.as_good(best, f)]
     if not near:
-        return final, conflict
-    return min(near, key=lambda f: (len(f.effects), f.size, f.level)), ""
+        return held
+    return replace(held, chosen=min(near, key=lambda f: (len(f.effects), f.size, f.level)), conflict="")
 
 
 def _better(w: Evidence, final: FittedModel, one: RefittedRival) -> bool:
@@ -139,25 +141,25 @@ def loses(w: Evidence, rival: FittedModel, final: FittedModel) -> bool:
     return w.motion.certainty(rival, final) >= w.criteria.certainty or w.raises(final, rival)
 
 
-def undecided(w: Evidence, final: FittedModel) -> list[RefittedRival]:
+def undecided(w: Evidence, rivals: Sequence[RefittedRival], final: FittedModel) -> list[RefittedRival]:
     """Return the rivals that do not surely lose, at their smallest size of interest; but those that by themselves are
     no step beyond the base, and what contains all that is named.
     """
-    others = [r for r in w.rivals if not set(final.effects) <= set(r.effects)]
+    others = [r for r in rivals if not set(final.effects) <= set(r.effects)]
     open_ones = [r for r in others if not loses(w, r.least, final)]
     return [r for r in open_ones if r.size or not r.effects or not w.motion.refused(w.base, r.best)]
 
 
-def told(w: Evidence, final: FittedModel) -> str:
+def told(w: Evidence, rivals: Sequence[RefittedRival], final: FittedModel) -> str:
     """Return what was made of the rivals, in words; empty where there are none, or nothing is named."""
-    if not w.rivals or not final.effects:
+    if not rivals or not final.effects:
         return ""
-    ties = undecided(w, final)
+    ties = undecided(w, rivals, final)
     parts = []
     if ties:
         names = listed(["+".join(r.effects) or "nothing" for r in ties])
         parts.append(f"Not decided: {names}, refitted from the values of the plan, cannot be told from it")
-    lost = [r for r in w.rivals if r not in ties and r.effects and set(r.effects) != set(final.effects)]
+    lost = [r for r in rivals if r not in ties and r.effects and set(r.effects) != set(final.effects)]
     if lost:
         least = min(w.motion.certainty(r.least, final) for r in lost)
         names = listed(["+".join(r.effects) for r in lost])

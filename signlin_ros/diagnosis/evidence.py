@@ -4,10 +4,8 @@ all verbs show a row of each model; the first rows are the same in all for the s
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,51 +17,46 @@ from signlin_ros.diagnosis.dataset import Dataset
 from signlin_ros.diagnosis.equation_error.estimate import EquationErrorResult, estimate_equation_error
 from signlin_ros.diagnosis.equation_error.regression import MIN_DIVISOR, RegressionFit, mean_certainty, scaling
 from signlin_ros.diagnosis.input_hold import asks_hold, with_hold
-from signlin_ros.diagnosis.output_error import FittedModel, OutputErrorEstimator
+from signlin_ros.diagnosis.output_error import FitCache, FittedModel, OutputErrorEstimator, estimator_of
 from signlin_ros.diagnosis.output_error.score import of_windows
+from signlin_ros.diagnosis.progress import Progress
 from signlin_ros.diagnosis.results import FirstRows, LadderRow, Scores
 from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.effects.base import Effect, SensorEffect
 from signlin_ros.threads import one_thread
 
-if TYPE_CHECKING:
-    from signlin_ros.diagnosis.discrimination import RefittedRival
-
 Array = NDArray[np.float64]
-Tell = Callable[[str], None]
-Seen = Callable[[FittedModel | EquationErrorResult], None]
 WHOLE_EFFORT = 100.0
 """All of the effort, in per cent of it."""
 HALF = 0.5
 """Part of the squared error that a model must take away for a difference of the estimates to matter."""
 
 
-def equation_error_of(
-    c: Dataset, criteria: Criteria, tell: Tell, seen: Seen | None = None
-) -> EquationErrorResult | None:
+def equation_error_of(c: Dataset, criteria: Criteria, progress: Progress) -> EquationErrorResult | None:
     """Return the equation-error estimate; None where what the model's forces depend on is not recorded."""
-    tell("missing force")
+    progress.say("missing force")
     if not tells_force(c.model, recorded(c.model, [*c.problem.parts, *c.unseen.parts])):
         return None
     found = estimate_equation_error(c.problem, c.unseen, criteria)
-    if seen is not None:
-        seen(found)
+    progress.seen(found)
     return found
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class Evidence:
-    """``force``: None where forces do not tell; ``tried``: all models that were fitted out; ``contradicted``: the base
-    as the motion alone would have it, where the forces contradict that (`grounded`); ``rivals``: those of a plan.
+    """What both estimates measure of a model: ``force`` None where forces do not tell; ``contradicted``: the base as
+    the motion alone would have it, where the forces contradict that (`grounded`). Fits are kept in ``cache``.
     """
 
     case: Dataset
     motion: OutputErrorEstimator
     force: EquationErrorResult | None
-    tried: list[FittedModel] = field(default_factory=list)
-    _written: dict[FittedModel, Array] = field(default_factory=dict, repr=False)
     contradicted: FittedModel | None = None
-    rivals: tuple[RefittedRival, ...] = ()
+
+    @property
+    def cache(self) -> FitCache:
+        """The memo of all fits."""
+        return self.motion.cache
 
     def grounded(self) -> Evidence:
         """Return the same of a model with base parameters held at what the force tells of them, where the motion's own
@@ -80,9 +73,9 @@ class Evidence:
             return self
         told = force.with_laws(force.fit)
         held = {n: told.value(n) for n in force.search.r.names if n in told.parameters}
-        found = Evidence(self.case, motion.holding(held, told=True), force, contradicted=motion.base)
+        found = Evidence(self.case, motion.holding(held, motion.progress), force, motion.base)
         if (own := found.as_written(found.base)) is not None and np.mean(own) > np.mean(given):
-            found.motion.refer_to_given()
+            return replace(found, motion=found.motion.referring_to_given())
         return found
 
     @property
@@ -103,17 +96,13 @@ class Evidence:
     @property
     def single(self) -> list[FittedModel]:
         """What was fitted out with one effect."""
-        return [f for f in self.tried if len(f.effects) == 1]
+        return [f for f in self.cache.tried if len(f.effects) == 1]
 
     @property
     def laws(self) -> dict[str, RegressionFit]:
         """What the equation-error estimate found of every law by itself."""
         models = self.force.search.models if self.force else {}
         return {next(iter(names)): fit for names, fit in models.items() if len(names) == 1}
-
-    def keep(self, *found: FittedModel) -> None:
-        """Keep what was fitted out."""
-        self.tried += [f for f in found if f not in self.tried]
 
     # ------------------------------------------------------------ the force that a model leaves
 
@@ -151,9 +140,10 @@ class Evidence:
         """
         if self.force is None or not self.comparable(f):
             return None
-        if f not in self._written:
-            self._written[f] = self.force.residual_as_written(f.model)
-        return self._written[f]
+        known = self.cache.force_left
+        if f not in known:
+            known[f] = self.force.residual_as_written(f.model)
+        return known[f]
 
     def left(self, f: FittedModel) -> Array | None:
         """Return the same with the values of the motion or of the force, whichever leave less: the best of a set."""
@@ -307,31 +297,26 @@ class Evidence:
 
 
 def evidence_of(
-    c: Dataset,
-    criteria: Criteria,
-    tell: Tell,
-    jobs: int | None = None,
-    cancelled: Callable[[], bool] | None = None,
-    seen: Seen | None = None,
+    c: Dataset, criteria: Criteria, cache: FitCache, progress: Progress, jobs: int | None = None
 ) -> Evidence:
-    """Return both estimates of a case, its inputs acting as the records show where the model leaves that to them; see
-    `OutputErrorEstimator` for the arguments.
+    """Return both estimates of a data set, its inputs acting as the records show where the model leaves that to them;
+    fits go into the ``cache``, those with inputs that act otherwise into one of their own.
     """
-    motion = OutputErrorEstimator(c.problem, c.unseen, criteria, jobs, tell, cancelled, seen)
-    force = equation_error_of(c.knowing(motion.own_values), criteria, tell, seen)
+    motion = estimator_of(c.problem, c.unseen, criteria, cache, progress, jobs)
+    force = equation_error_of(c.knowing(motion.own_values), criteria, progress)
     if asks_hold(c):
-        tell("how the input acts")
+        progress.say("how the input acts")
         found = with_hold(c, motion, force, criteria)
         if found is not None:
             c, motion = found
-            force = equation_error_of(c.knowing(motion.own_values), criteria, tell, seen)
+            force = equation_error_of(c.knowing(motion.own_values), criteria, progress)
     return Evidence(c, motion, force)
 
 
 @one_thread
-def refitted_evidence(c: Dataset, tell: Tell | None = None, cancelled: Callable[[], bool] | None = None) -> Evidence:
-    """Refit the base of a case and return what makes rows; ``tell`` of what is done, ``cancelled``: whether to stop."""
-    return evidence_of(c, DEFAULT_CRITERIA, tell or (lambda what: None), 1, cancelled).grounded()
+def refitted_evidence(c: Dataset, progress: Progress | None = None) -> Evidence:
+    """Refit the base of a data set and return what makes rows."""
+    return evidence_of(c, DEFAULT_CRITERIA, FitCache(), progress or Progress(), 1).grounded()
 
 
 def changes_effort(effect: type[Effect]) -> bool:
@@ -357,8 +342,6 @@ def _orders(f: FittedModel) -> list[float]:
 __all__ = [
     "HALF",
     "Evidence",
-    "Seen",
-    "Tell",
     "changes_effort",
     "equation_error_of",
     "evidence_of",

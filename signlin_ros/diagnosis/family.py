@@ -26,7 +26,8 @@ class FamilyChoice:
     @property
     def imposed(self) -> bool:
         """Whether the motion is imposed: both estimates speak of one force then, the motion's of all its band."""
-        return self.evidence.case.model.plant.motion_is_imposed()
+        case = self.evidence.case
+        return case.plant.motion_is_imposed()
 
     def simulated(self, fit: RegressionFit) -> FittedModel | None:
         """Return a set of the equation-error estimate fitted by simulation; None where that cannot be."""
@@ -42,7 +43,7 @@ class FamilyChoice:
             found = motion.fitted(names, model)
         except InputError:
             return None
-        self.evidence.keep(found)
+        self.evidence.cache.keep(found)
         return found
 
     # ------------------------------------------------------------ a richer law of the same family

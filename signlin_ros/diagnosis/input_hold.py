@@ -60,9 +60,14 @@ class HoldTrial:
     at: Mapping[Names, Array]
 
     @property
+    def model(self) -> Model:
+        """The model whose inputs act so."""
+        return self.motion.problem.base
+
+    @property
     def hold(self) -> Hold:
         """How its inputs act."""
-        return self.motion.problem.base.input_hold
+        return self.model.input_hold
 
     @property
     def best(self) -> Names:
@@ -121,7 +126,7 @@ def _tried(motion: OutputErrorEstimator, force: EquationErrorResult | None, stop
     for names, start in _leading(force):
         if stop and at_noise(motion, min(known.values(), key=lambda squares: level(squares, problem.noise))):
             break
-        motion.check()
+        motion.progress.check()
         try:
             c, theta = motion.valued(names, start)
         except InputError:

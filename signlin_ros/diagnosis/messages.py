@@ -8,12 +8,13 @@ import numpy as np
 
 from signlin_ros.comparison.scores import follows_nothing
 from signlin_ros.diagnosis.dataset import Dataset
-from signlin_ros.diagnosis.evidence import HALF
+from signlin_ros.diagnosis.evidence import HALF, Evidence
 from signlin_ros.diagnosis.loops import family_of
 from signlin_ros.diagnosis.output_error import FittedModel
 from signlin_ros.diagnosis.output_error.score import told_change
 from signlin_ros.diagnosis.results import ParameterEstimate, listed
-from signlin_ros.diagnosis.verdict import REASONS, Verdict, freed
+from signlin_ros.diagnosis.validation import force_left, force_percent, freed
+from signlin_ros.diagnosis.verdict import REASONS, Verdict
 from signlin_ros.effects import find_effect
 from signlin_ros.effects.base import SensorEffect, Shown
 from signlin_ros.errors import joined
@@ -37,56 +38,56 @@ HELD_INPUTS = (
 LEARN_HINT = "`signlin add learned_force` learns it as a curve"
 
 
-def sentence(j: Verdict) -> str:
+def sentence(w: Evidence, v: Verdict) -> str:
     """Return the verdict in a few sentences, or what adding the effect that was asked for is worth."""
-    if j.refused:
-        return f"The record does not ask for {listed([j.asked])}: {j.refused}."
-    if j.asked:
-        return f"With {listed([j.asked])}, {falls(j, j.base, j.final)}.{remainder(j)}"
-    if j.reversed:
+    if v.refused:
+        return f"The record does not ask for {listed([v.selection.asked])}: {v.refused}."
+    if v.selection.asked:
+        return f"With {listed([v.selection.asked])}, {falls(w, v, v.base, v.final)}.{remainder(w, v)}"
+    if v.reversed:
         return (
-            f"With the sign of {j.reversed} reversed the model as it is follows this record much better: "
+            f"With the sign of {v.reversed} reversed the model as it is follows this record much better: "
             "check that sign before anything else."
         )
-    first = _first(j)
-    if j.verdict == "adequate":
-        return f"{first}{NOTHING_MISSING}{_left_over(j)}.{_motion_left(j)}"
-    if j.verdict == "missing":
-        return f"{first}The model lacks {listed(j.names)}: {falls(j, j.base, j.final)}.{remainder(j)}"
-    return f"{first}{_unexplained(j)}"
+    first = _first(v)
+    if v.label == "adequate":
+        return f"{first}{NOTHING_MISSING}{_left_over(w, v)}.{_motion_left(w, v)}"
+    if v.label == "missing":
+        return f"{first}The model lacks {listed(v.names)}: {falls(w, v, v.base, v.final)}.{remainder(w, v)}"
+    return f"{first}{_unexplained(w, v)}"
 
 
-def _first(j: Verdict) -> str:
+def _first(v: Verdict) -> str:
     """Return what is told before anything else: base parameters far from what was said of them."""
-    if not j.far:
+    if not v.far:
         return ""
-    parts = [f"{n} ends {abs(x):.1f} tolerances from its nominal value" for n, x in j.far.items()]
-    same = ", and the same is found with it held there" if j.verdict == "missing" else ""
+    parts = [f"{n} ends {abs(x):.1f} tolerances from its nominal value" for n, x in v.far.items()]
+    same = ", and the same is found with it held there" if v.label == "missing" else ""
     return f"Check this first: {joined(parts)}{same}. "
 
 
-def _unexplained(j: Verdict) -> str:
-    why, said = j.unexplained, REASONS[j.unexplained].said
+def _unexplained(w: Evidence, v: Verdict) -> str:
+    why, said = v.reason, REASONS[v.reason].said
     if why == "conflict":
-        return f"The two estimates differ: {j.conflict}. Nothing is confirmed.{remainder(j)}"
+        return f"The two estimates differ: {v.selection.conflict}. Nothing is confirmed.{remainder(w, v)}"
     if why == "lost":
-        return follows_nothing(j.lost)
-    there = further(j.case) if why == "elsewhere" else ""
-    if j.names:
-        what = falls(j, j.base, j.final)
-        changes = f"{'rises' if j.beside_given < 0 else 'falls'} by {abs(j.beside_given):.1f} standard errors"
-        loops, rest = (family_of(j.loop, j.changing), remainder(j)) if why == "loop" else ("", "")
+        return follows_nothing(v.lost)
+    there = further(w.case) if why == "elsewhere" else ""
+    if v.names:
+        what = falls(w, v, v.base, v.final)
+        changes = f"{'rises' if v.beside_given < 0 else 'falls'} by {abs(v.beside_given):.1f} standard errors"
+        loops, rest = (family_of(v.loop, v.changing), remainder(w, v)) if why == "loop" else ("", "")
         ends = {"there": f": {there}" if there else ".", "loops": loops, "rest": rest}
-        said = said.format(j=j, falls=what, changes=changes, **ends)
-        part = f" {'explains' if len(j.names) == 1 else 'explain'} a part"
-        known = f"{listed(j.names).capitalize()}{'' if why == 'worse' else part}"
-        return known + (said or f": {what}.{remainder(j)}")
+        said = said.format(v=v, falls=what, changes=changes, **ends)
+        part = f" {'explains' if len(v.names) == 1 else 'explain'} a part"
+        known = f"{listed(v.names).capitalize()}{'' if why == 'worse' else part}"
+        return known + (said or f": {what}.{remainder(w, v)}")
     if why == "elsewhere":
         differs = there or "what differs?"
-        return f"The model follows the data it was fitted to, and not the unseen ones{_left_over(j)}: {differs}"
-    rest = remainder(j)
-    none = f"Something is missing that no listed effect explains{'' if rest else _left_over(j)}"
-    return f"{_unsure(j) or none}.{rest}"
+        return f"The model follows the data it was fitted to, and not the unseen ones{_left_over(w, v)}: {differs}"
+    rest = remainder(w, v)
+    none = f"Something is missing that no listed effect explains{'' if rest else _left_over(w, v)}"
+    return f"{_unsure(w, v) or none}.{rest}"
 
 
 def further(c: Dataset) -> str:
@@ -114,12 +115,12 @@ def _reaches(problem: Problem) -> dict[str, tuple[float, float]]:
     return {n: (float(np.nanmin(x)), float(np.nanmax(x))) for n, x in columns.items()}
 
 
-def _unsure(j: Verdict) -> str:
+def _unsure(w: Evidence, v: Verdict) -> str:
     """Return which effects alone take most of what is missing away, of a force that is seen too, but not surely."""
-    motion, w, c, found = j.motion, j.evidence, j.criteria, dict[str, float]()
+    motion, c, found = w.motion, w.criteria, dict[str, float]()
     for f in sorted(w.single, key=lambda f: f.size):
-        g, certainty, part = motion.gain(j.base, f), motion.certainty(j.base, f), w.remaining(w.left(f))
-        if w.sees(j.base) and (part is None or part > HALF):
+        g, certainty, part = motion.gain(v.base, f), motion.certainty(v.base, f), w.remaining(w.left(f))
+        if w.sees(v.base) and (part is None or part > HALF):
             continue
         if g.share > HALF and 0.0 < certainty < c.certainty and not g.worsens(c.worse, c.alike):
             found[f.effects[0]] = certainty
@@ -131,85 +132,84 @@ def _unsure(j: Verdict) -> str:
     return f"Too little was recorded to tell what is missing: {told} would take most of it away, but {surely}"
 
 
-def falls(j: Verdict, before: FittedModel, after: FittedModel) -> str:
+def falls(w: Evidence, v: Verdict, before: FittedModel, after: FittedModel) -> str:
     """Return by how much the errors on validation data fall from one model to another: the force, and the motion."""
     parts = []
-    a, b = (j.evidence.told_percent(f, j.left(f)) for f in (before, after))  # what no row shows is not told
-    if a is not None and b is not None and b < (1 - j.criteria.alike) * a:
-        parts.append(f"the missing force falls from {a:.3g} % to {b:.3g} % {j.evidence.of_effort}")
-    parts = _errors_fall(j, before, after, parts)
+    a, b = (w.told_percent(f, force_left(w, f, v.final)) for f in (before, after))  # what no row shows is not told
+    if a is not None and b is not None and b < (1 - w.criteria.alike) * a:
+        parts.append(f"the missing force falls from {a:.3g} % to {b:.3g} % {w.of_effort}")
+    parts = _errors_fall(w, before, after, parts)
     return f"on validation data {joined(parts)}" if parts else f"validation data hardly show it{freed(before, after)}"
 
 
-def _errors_fall(j: Verdict, before: FittedModel, after: FittedModel, parts: list[str]) -> list[str]:
-    problem = j.case.problem
+def _errors_fall(w: Evidence, before: FittedModel, after: FittedModel, parts: list[str]) -> list[str]:
+    problem = w.case.problem
     for name, first, last in zip(problem.channels, before.errors, after.errors, strict=True):
-        if last < (1 - j.criteria.alike) * first:
+        if last < (1 - w.criteria.alike) * first:
             verb, unit = "" if parts else "falls ", problem.shown(problem.units.get(name, ""))
-            what = f"the error of {name} over {j.case.horizon:.3g} s {verb}from {first:.3g} to {last:.3g} {unit}"
+            what = f"the error of {name} over {w.case.horizon:.3g} s {verb}from {first:.3g} to {last:.3g} {unit}"
             parts = [*parts, what.rstrip()]
     return parts
 
 
-def remainder(j: Verdict) -> str:
+def remainder(w: Evidence, v: Verdict) -> str:
     """Return what is left, and what would take it away."""
-    noise = j.evidence.noise_percent
-    if j.names and j.imposed is not None:
-        return f" Over {j.case.horizon:.3g} s, {j.imposed:.3g} % of the spread of the force is left."
-    if j.names and j.percent is None:
-        return _motion_left(j)
-    if j.percent is None or j.percent <= j.criteria.sees * noise:
+    noise = w.noise_percent
+    if v.names and v.imposed is not None:
+        return f" Over {w.case.horizon:.3g} s, {v.imposed:.3g} % of the spread of the force is left."
+    if v.names and v.percent is None:
+        return _motion_left(w, v)
+    if v.percent is None or v.percent <= w.criteria.sees * noise:
         return ""
-    left, curve = f" What is left is {j.percent:.3g} % {j.evidence.of_effort}", j.flexible
-    if curve.visible and curve.percent < (1 - j.criteria.alike) * j.percent:
+    left, curve = f" What is left is {v.percent:.3g} % {w.of_effort}", v.flexible
+    if curve.visible and curve.percent < (1 - w.criteria.alike) * v.percent:
         if curve.along:
             waves = f"forces that repeat along the way, first of all {curve.along}"
             return f"{left}; with {waves}, {curve.percent:.3g} % would be left."
         return f"{left}; a flexible curve would leave {curve.percent:.3g} %: {LEARN_HINT}."
-    if j.changing:
-        return f"{left}; most of it goes with a {j.changing} that changes slowly along the record."
+    if v.changing:
+        return f"{left}; most of it goes with a {v.changing} that changes slowly along the record."
     if noise == 0.0:
         return f"{left}."
-    times = f"over {MAX_TIMES_NOISE}" if j.percent > MAX_TIMES_NOISE * noise else f"{j.percent / noise:.3g}"
+    times = f"over {MAX_TIMES_NOISE}" if v.percent > MAX_TIMES_NOISE * noise else f"{v.percent / noise:.3g}"
     return f"{left}, {times} times what the sensors' noise makes of it."
 
 
-def _motion_left(j: Verdict) -> str:
+def _motion_left(w: Evidence, v: Verdict) -> str:
     """Return by how many times its sensor's noise the worst channel errs, where one is not near that noise."""
-    if j.evidence.near_noise(j.final):
+    if w.near_noise(v.final):
         return ""
-    times = (j.final.errors / np.maximum(list(j.case.noise.values()), 1e-300)).tolist()  # as the rows have it
-    most, name = max(zip(times, j.case.problem.channels, strict=True))
-    return f" Over {j.case.horizon:.3g} s, {name} errs by {most:.3g} times its sensor's noise."
+    times = (v.final.errors / np.maximum(list(w.case.noise.values()), 1e-300)).tolist()  # as the rows have it
+    most, name = max(zip(times, w.case.problem.channels, strict=True))
+    return f" Over {w.case.horizon:.3g} s, {name} errs by {most:.3g} times its sensor's noise."
 
 
-def _left_over(j: Verdict) -> str:
-    if j.percent is None:
-        return ": the residual is noise" if j.final.white else ""
-    w = j.evidence
-    left = f"the force that is left is {j.percent:.3g} % {w.of_effort}, the sensors' noise {w.noise_percent:.3g} %"
-    if j.verdict != "adequate" or j.percent <= w.noise_percent:
+def _left_over(w: Evidence, v: Verdict) -> str:
+    if v.percent is None:
+        return ": the residual is noise" if v.final.white else ""
+    left = f"the force that is left is {v.percent:.3g} % {w.of_effort}, the sensors' noise {w.noise_percent:.3g} %"
+    if v.label != "adequate" or v.percent <= w.noise_percent:
         return f": {left}"
-    if w.near_noise(j.final):
+    if w.near_noise(v.final):
         return f": the motion is followed to about its sensors' noise; {left}"
-    return f": {left}{_unpredictable(j, j.percent)}"
+    return f": {left}{_unpredictable(v, v.percent)}"
 
 
-def _unpredictable(j: Verdict, percent: float) -> str:
+def _unpredictable(v: Verdict, percent: float) -> str:
     """Return why more than the sensors' noise counts as noise: nothing that is known predicts it."""
-    if j.final.clean:
-        share = max(0.0, *(one.dependent for one in j.final.left))
+    if v.final.clean:
+        share = max(0.0, *(one.dependent for one in v.final.left))
         return f"; {100 * share:.1g} % of what the motion lacks goes with position, velocity, input or time"
-    curve = j.flexible.percent
+    curve = v.flexible.percent
     return f"; a flexible curve would leave {curve:.3g} %" if curve < percent else "; no flexible curve takes it away"
 
 
 # -------------------------------------------------------------------- of one effect
 
 
-def remarks(j: Verdict) -> list[str]:
+def remarks(w: Evidence, v: Verdict) -> list[str]:
     """Return what the records cannot tell of the effects that are named."""
-    found, w = [ONE_CYCLE] if j.names and j.case.one_cycle else [], j.evidence
+    found = [ONE_CYCLE] if v.names and w.case.one_cycle else []
     if w.contradicted:
         own = ", ".join(f"{n} {p.value:.3g} {p.unit}" for n, p in w.contradicted.parameters.items() if p.note != "held")
         left = w.percent(w.as_written(w.contradicted)) or 0.0
@@ -217,9 +217,9 @@ def remarks(j: Verdict) -> list[str]:
             f"the motion alone would have base parameters that the forces contradict ({own}: {left:.3g} % of the "
             "effort is left); they are held at what the force tells of them"
         )
-    if j.sampled:
-        found.append(f"{HELD_INPUTS} {joined(_errors_fall(j, j.final, j.sampled, []))} on validation data")
-    for key, waves in j.motion.few_waves(j.final).items():
+    if v.sampled:
+        found.append(f"{HELD_INPUTS} {joined(_errors_fall(w, v.final, v.sampled, []))} on validation data")
+    for key, waves in w.motion.few_waves(v.final).items():
         found.append(
             f"the records hold {waves:.1f} periods of {key}: that it goes on to repeat beyond where they have been is "
             "assumed; a record over a longer way would show it"
@@ -227,7 +227,7 @@ def remarks(j: Verdict) -> list[str]:
     return found
 
 
-def shown(j: Verdict, f: FittedModel, effect: str) -> str:
+def shown(w: Evidence, f: FittedModel, effect: str) -> str:
     """Return what a record shows of an effect, as a sentence with the values of its fit."""
     cls, plant = find_effect(effect, "effects"), f.model.plant
     if issubclass(cls, SensorEffect):
@@ -238,7 +238,7 @@ def shown(j: Verdict, f: FittedModel, effect: str) -> str:
     for n, value in f.model.effects[key].parameters.items():
         known = f.parameters.get(f"{key}.{n}") or ParameterEstimate(value, None, units.get(f"{key}.{n}", ""))
         values[n] = Shown(value, known.unit, known.std)
-    force = "force" if plant.force_unit == "N" and not j.case.problem.turns else "torque"
+    force = "force" if plant.force_unit == "N" and not w.case.problem.turns else "torque"
     return cls.shown(gathered(values), force, plant.position, plant.velocity)
 
 
@@ -248,22 +248,22 @@ def own_parameters(f: FittedModel, effect: str) -> dict[str, ParameterEstimate]:
     return {n.partition(".")[2]: p for n, p in f.parameters.items() if n.partition(".")[0] in keys}
 
 
-def why_named(j: Verdict, effect: str) -> str:
+def why_named(w: Evidence, v: Verdict, effect: str) -> str:
     """Return why an effect of the proposal is named: what it does, and what is lost without it."""
-    hurt = falls(j, j.without(effect), j.final)
-    return f"{shown(j, j.final, effect)}; {hurt}{', with it' if len(j.names) > 1 else ''}"
+    hurt = falls(w, v, v.without[effect], v.final)
+    return f"{shown(w, v.final, effect)}; {hurt}{', with it' if len(v.names) > 1 else ''}"
 
 
-def why_not(j: Verdict, f: FittedModel) -> str:
+def why_not(w: Evidence, v: Verdict, f: FittedModel) -> str:
     """Return why an effect that was tried alone is not named."""
-    if why := j.motion.refused(j.base, f):
+    if why := w.motion.refused(v.base, f):
         return f"on validation data {why}" if why.startswith("the error of") else why
-    a, b = j.percent_of(j.base), j.percent_of(f)
+    a, b = force_percent(w, v.base, v.final), force_percent(w, f, v.final)
     if a is not None and b is not None and b > a:
-        return f"it leaves {b:.3g} % {j.evidence.of_effort}, the model as it is {a:.3g} %"
-    if j.names:
-        return f"{listed(j.names)} {'leaves' if len(j.names) == 1 else 'leave'} less"
-    return REASONS[j.untold].untold if j.untold else "the estimates differ on it"
+        return f"it leaves {b:.3g} % {w.of_effort}, the model as it is {a:.3g} %"
+    if v.names:
+        return f"{listed(v.names)} {'leaves' if len(v.names) == 1 else 'leave'} less"
+    return REASONS[v.selection.untold].untold if v.selection.untold else "the estimates differ on it"
 
 
 __all__ = ["falls", "own_parameters", "remainder", "remarks", "sentence", "shown", "why_named", "why_not"]

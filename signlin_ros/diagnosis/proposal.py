@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from signlin_ros.diagnosis.findings import Findings
 from signlin_ros.diagnosis.results import Diagnosis, ParameterEstimate
-from signlin_ros.diagnosis.verdict import Verdict
 from signlin_ros.model import Model
 from signlin_ros.model.numbers import numbers
 from signlin_ros.records import ModelData
@@ -22,16 +22,15 @@ def rounded(model: Model, fitted: Mapping[str, ParameterEstimate]) -> Model:
     return model.with_parameters({n: float(f"{own[n]:.6g}") for n in fitted if n in own})
 
 
-def yaml_of(model: Model, verdict: Verdict) -> str:
+def yaml_of(model: Model, fitted: Mapping[str, ParameterEstimate], findings: Findings) -> str:
     """Return the model file, with comments of where the fitted values came from."""
-    fitted, problem = verdict.final.parameters, verdict.case.problem
-    sources = ", ".join(dict.fromkeys(Path(s.source).name for s in problem.segments))
+    sources = ", ".join(dict.fromkeys(Path(source).name for source in findings.training))
     lines = [f"# Fitted to {sources}; what follows ± is the standard error."]
     for line in model.to_yaml().splitlines():
         match = re.match(r"( *)([\w.]+):", line)
         key = match.group(2) if match else ""
         names = [n for n in fitted if (n.partition(".")[0] if "." in n else "parameters") == key]
-        lines += [f"{match.group(1)}# {_origin(n, fitted[n], problem.base)}" for n in names if match]
+        lines += [f"{match.group(1)}# {_origin(n, fitted[n], findings.base)}" for n in names if match]
         lines.append(line)
     return "\n".join(lines) + "\n"
 
@@ -44,7 +43,8 @@ def printed(result: Diagnosis, original: Model, output: str | None, records: Seq
     if output is not None:
         model = model.placed_in(Path(output).parent)
     done = (f"{record.source}: {note}" for record in records for note in record.notes)
-    return replace(result, yaml=yaml_of(model, result.findings), notes=(*done, *result.notes))
+    text = yaml_of(model, result.parameters, result.findings) if result.findings else model.to_yaml()
+    return replace(result, yaml=text, notes=(*done, *result.notes))
 
 
 def _origin(name: str, p: ParameterEstimate, base: Model) -> str:

@@ -6,7 +6,7 @@ import html
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from signlin_ros.comparison.scores import Score
 from signlin_ros.digits import with_error
@@ -14,6 +14,10 @@ from signlin_ros.errors import joined
 from signlin_ros.lazy import drawn_by, frame
 from signlin_ros.markup import html_table
 from signlin_ros.model import Model
+
+if TYPE_CHECKING:
+    from signlin_ros.diagnosis.findings import Findings
+    from signlin_ros.diagnosis.rivals import Rival
 
 
 def listed(names: Iterable[str]) -> str:
@@ -146,8 +150,8 @@ class Diagnosis:
     yaml: str = ""
     given: LadderRow | None = None
     horizon: float = 0.0
-    findings: Any = field(default=None, repr=False, compare=False)
-    rivals: tuple[Any, ...] = field(default=(), repr=False)
+    findings: Findings | None = field(default=None, repr=False, compare=False)
+    rivals: tuple[Rival, ...] = field(default=(), repr=False)
     given_model: str = field(default="", repr=False)
 
     @property

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from signlin_ros.diagnosis.evidence import Evidence
 from signlin_ros.diagnosis.output_error import FittedModel
 from signlin_ros.diagnosis.verdict import Verdict
 
@@ -39,18 +40,18 @@ class Rival:
         }
 
 
-def rivals(j: Verdict) -> tuple[Rival, ...]:
+def rivals(w: Evidence, v: Verdict) -> tuple[Rival, ...]:
     """Return the proposal first, then every model that was fitted and that it does not surely beat on validation data,
     least error first: what ties with it, and what was rejected for want of evidence.
     """
-    w, least = j.evidence, j.criteria.certainty
+    least = w.criteria.certainty
     best: dict[tuple[str, ...], FittedModel] = {}
-    for f in sorted((*w.tried, j.base), key=attrgetter("level"), reverse=True):
+    for f in sorted((*w.cache.tried, v.base), key=attrgetter("level"), reverse=True):
         best[f.kind] = f
-    best.pop(j.final.kind, None)
-    others = [f for f in best.values() if not f.implausible and w.motion.certainty(f, j.final) < least]
-    others = [f for f in others if len(f.effects) <= max(len(j.final.effects), 1)]
-    chosen = [j.final, *sorted(others, key=attrgetter("level"))[: MAX_RIVALS - 1]]
+    best.pop(v.final.kind, None)
+    others = [f for f in best.values() if not f.implausible and w.motion.certainty(f, v.final) < least]
+    others = [f for f in others if len(f.effects) <= max(len(v.final.effects), 1)]
+    chosen = [v.final, *sorted(others, key=attrgetter("level"))[: MAX_RIVALS - 1]]
     return tuple(rival(f) for f in chosen)
 
 

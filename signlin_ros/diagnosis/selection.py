@@ -6,9 +6,11 @@ The equation-error estimate goes first; the output-error estimate confirms by si
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import combinations, product
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,22 +18,41 @@ from signlin_ros.diagnosis.equation_error.estimate import EquationErrorResult
 from signlin_ros.diagnosis.evidence import HALF, Evidence
 from signlin_ros.diagnosis.family import FamilyChoice
 from signlin_ros.diagnosis.output_error import FittedModel, OutputErrorEstimator
-from signlin_ros.diagnosis.output_error.trials import completed, free_key, tryable
+from signlin_ros.diagnosis.output_error.trials import completed, free_key
 from signlin_ros.diagnosis.results import listed
 from signlin_ros.diagnosis.single_laws import complete, fit_every_law, fit_families, settled
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import SignlinError
 
+if TYPE_CHECKING:
+    from signlin_ros.diagnosis.discrimination import RefittedRival
 
-def select_model(w: Evidence) -> tuple[FittedModel, str]:
-    """Return the model that both estimates can stand for, and in words why they differ, empty where they agree.
 
-    Of what is as good, the fewest effects are stood for; before more than noise is left, what leaves it by itself.
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """A model that both estimates support.
+
+    ``chosen``: that model; ``conflict``: in words why the estimates differ, empty where they agree; ``asked``: the
+    effect that `add` was asked for; ``untold``: why validation data do not tell of what was chosen before, where the
+    model without it took its place (a key of `REASONS`); ``dropped``: effects that were chosen beside others and tell
+    nothing, and why; ``rivals`` of a plan, refitted.
+    """
+
+    chosen: FittedModel
+    conflict: str = ""
+    asked: str = ""
+    untold: str = ""
+    dropped: Mapping[str, str] = field(default_factory=dict)
+    rivals: tuple[RefittedRival, ...] = ()
+
+
+def select_model(w: Evidence) -> Selection:
+    """Return the model that both estimates support: of what is as good, that with the fewest effects; before more than
+    noise is left, what leaves it by itself.
     """
     if w.force:
-        w.motion.from_equation_error = {
-            n: w.force.values(f, n) for n, f in w.laws.items() if np.any(f.theta[f.spans[n]])
-        }
+        starts = {n: w.force.values(f, n) for n, f in w.laws.items() if np.any(f.theta[f.spans[n]])}
+        w = replace(w, motion=replace(w.motion, starts=starts))
     final, conflict = _stood_for(w)
     final = fewest(w, final)
     conflict = conflict.format(listed(final.effects))
@@ -40,7 +61,7 @@ def select_model(w: Evidence) -> tuple[FittedModel, str]:
     final = fewest(w, final) if options else final
     other = alone(w, final) or better(w, final, options)
     final = w.valued(fewest(w, other) if other else final)
-    return w.base if final.implausible else final, "" if other else conflict
+    return Selection(w.base if final.implausible else final, "" if other else conflict)
 
 
 def _stood_for(w: Evidence) -> tuple[FittedModel, str]:
@@ -51,13 +72,13 @@ def _stood_for(w: Evidence) -> tuple[FittedModel, str]:
         return _unless_turning(w, first), ""
     if first is not None and (whole := _by_itself(w, first)):
         return whole, ""
-    if first is None and w.tried:
-        together = _together(w, w.tried[0])
+    if first is None and w.cache.tried:
+        together = _together(w, w.cache.tried[0])
         if together is not None:
             return together, ""
     if first is None or not w.explains(first):
         path = w.motion.search(w.criteria.most, _searched(w), partial(_by_itself, w))
-        w.keep(*(f for step in path for f in step))
+        w.cache.keep(*(f for step in path for f in step))
         return _chosen(w, [first] if first else [], path[-1][0])
     found = _best_of(w, base, w.hidden, rival=first) or base
     beside = _best_of(w, first, w.hidden)
@@ -90,7 +111,7 @@ def _searched(w: Evidence) -> list[str] | None:
     small = share is not None and share < 100.0 * w.criteria.large
     waves = {n for n, effect in EFFECTS.items() if effect.periodic}  # what passes its band is not all that there are
     names = w.hidden | waves | (set() if small and not force.effects else force.search.helpful)
-    return [n for n in sorted(names) if tryable(w.motion.problem, n)]
+    return sorted(names & w.motion.candidates)
 
 
 def _together(w: Evidence, refused: FittedModel) -> FittedModel | None:
@@ -99,7 +120,7 @@ def _together(w: Evidence, refused: FittedModel) -> FittedModel | None:
     if both is None or motion.refused(w.base, both):
         return None
     other = motion.fitted([n for n in both.effects if n not in refused.effects], both.model)
-    w.keep(other)
+    w.cache.keep(other)
     return None if motion.refused(other, both) else both
 
 
@@ -109,8 +130,8 @@ def _best_of(
     """Return the simplest of the best steps beyond a model, beside a ``rival`` if there is one; None where none is."""
     if len(of.effects) >= w.criteria.most:
         return None
-    options = w.motion.extensions(of, [n for n in sorted(names) if tryable(w.motion.problem, n)], rival)
-    w.keep(*options)
+    options = w.motion.extensions(of, sorted(w.motion.candidates.intersection(names)), rival)
+    w.cache.keep(*options)
     return next(iter(w.motion.alike(of, options)), None)
 
 
@@ -183,7 +204,7 @@ def _confirmed(w: Evidence, force: EquationErrorResult) -> FittedModel | None:
         return None
     if not known and found.insignificant(c):
         plain = motion.plainer(found)
-        w.keep(*plain)
+        w.cache.keep(*plain)
         sound = motion.alike(w.base, plain)
         if not sound:
             return None
@@ -199,13 +220,13 @@ def fewest(w: Evidence, final: FittedModel) -> FittedModel:
     shows displaces nothing that one does, unless it leaves nothing but tested noise.
     """
     motion, several = w.motion, len(final.effects) > 1
-    options = [f for f in w.tried if (len(f.effects), f.size) < (len(final.effects), final.size) and f.effects]
+    options = [f for f in w.cache.tried if (len(f.effects), f.size) < (len(final.effects), final.size) and f.effects]
     options += _as_one(motion, final) if several else []
     for name in final.effects if several else ():
         with contextlib.suppress(SignlinError):
             options.append(motion.fitted([n for n in final.effects if n != name], final.model))
-        motion.check()
-    w.keep(*options)
+        motion.progress.check()
+    w.cache.keep(*options)
     shown = w.left(final) is not None
     good = [f for f in options if not motion.refused(w.base, f) and motion.as_good(final, f)]
     good = [f for f in good if motion.refused(f, final) and not w.raises(final, f)]
@@ -255,8 +276,8 @@ def _as_one(motion: OutputErrorEstimator, final: FittedModel) -> list[FittedMode
             found.append(motion.fitted((*kept, name), model))
         with contextlib.suppress(SignlinError):
             found += motion.extensions(motion.fitted(kept, final.model), [name])
-        motion.check()
+        motion.progress.check()
     return [f for f in found if len(f.effects) < len(final.effects)]
 
 
-__all__ = ["alone", "fewest", "select_model"]
+__all__ = ["Selection", "alone", "fewest", "select_model"]

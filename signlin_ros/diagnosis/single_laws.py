@@ -10,7 +10,6 @@ import contextlib
 
 from signlin_ros.diagnosis.evidence import Evidence
 from signlin_ros.diagnosis.output_error import FittedModel
-from signlin_ros.diagnosis.output_error.trials import tryable
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import InputError
 
@@ -33,8 +32,8 @@ def settled(w: Evidence, f: FittedModel) -> bool:
 def fit_every_law(w: Evidence, now: FittedModel) -> list[FittedModel]:
     """Return every law fitted by itself that comes near a proposal, or is among the best where there is none."""
     known = {n for f in w.single for n in f.effects}
-    names = [n for n in EFFECTS if n not in known and tryable(w.motion.problem, n)]
-    w.keep(*_extended(w, w.base, names, now, MIN_GAIN_SHARE))
+    names = [n for n in EFFECTS if n in w.motion.candidates - known]
+    w.cache.keep(*_extended(w, w.base, names, now, MIN_GAIN_SHARE))
     return w.single
 
 
@@ -44,11 +43,11 @@ def fit_families(w: Evidence, final: FittedModel) -> list[FittedModel]:
     for name in final.effects if len(final.effects) > 1 else ():
         family = EFFECTS[name].family
         kin = [n for n, effect in EFFECTS.items() if family and effect.family == family and n not in final.effects]
-        kin = [n for n in kin if tryable(w.motion.problem, n)]
+        kin = [n for n in kin if n in w.motion.candidates]
         with contextlib.suppress(InputError):  # without it the motion diverges
             rest = w.motion.fitted([n for n in final.effects if n != name], final.model)
             found += _extended(w, rest, kin, final, MIN_FAMILY_SHARE)
-    w.keep(*found)
+    w.cache.keep(*found)
     return found
 
 

@@ -1,115 +1,141 @@
-"""What a judgement says: the `Diagnosis` with its ranking, ladder, parameters and words."""
+"""The report of a verdict: the `Diagnosis` with its ranking, ladder, parameters and messages."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from operator import attrgetter
 
 from signlin_ros.diagnosis import closed_loop, messages
 from signlin_ros.diagnosis.discrimination import told, undecided
-from signlin_ros.diagnosis.evidence import WHOLE_EFFORT
+from signlin_ros.diagnosis.evidence import WHOLE_EFFORT, Evidence
+from signlin_ros.diagnosis.findings import findings_of
 from signlin_ros.diagnosis.output_error import FittedModel
 from signlin_ros.diagnosis.output_error.fitted import held
 from signlin_ros.diagnosis.proposal import rounded, yaml_of
 from signlin_ros.diagnosis.results import Diagnosis, ParameterEstimate, RankingEntry, listed
 from signlin_ros.diagnosis.rivals import rivals
+from signlin_ros.diagnosis.single_laws import complete
+from signlin_ros.diagnosis.validation import force_left, force_percent
 from signlin_ros.diagnosis.verdict import REASONS, Verdict
 from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.errors import InputError
 
 
-def summary_of(j: Verdict) -> Diagnosis:
-    """Return the diagnosis that a judgement amounts to."""
-    w, case = j.evidence, j.case
-    ladder, ranking = tuple(w.row(f, j.left(f)) for f in j.steps), _ranking(j)
-    model = rounded(j.final.model, j.final.parameters)
+def summary_of(w: Evidence, v: Verdict) -> Diagnosis:
+    """Return the diagnosis that reports a verdict."""
+    case = w.case
+    ladder, ranking = tuple(w.row(f, force_left(w, f, v.final)) for f in v.steps), _ranking(w, v)
+    model = rounded(v.final.model, v.final.parameters)
+    base, parameters = (_parameters(w, f) for f in (v.base, v.final))
+    findings = findings_of(w, v, model, {*base, *parameters})
     return Diagnosis(
-        verdict=j.verdict,
-        sentence=" ".join(filter(None, (messages.sentence(j), told(w, j.final)))),
-        base=_parameters(j, j.base),
-        parameters=_parameters(j, j.final),
+        verdict=v.label,
+        sentence=" ".join(filter(None, (messages.sentence(w, v), told(w, v.selection.rivals, v.final)))),
+        base=base,
+        parameters=parameters,
         ranking=ranking,
         ladder=ladder,
         model=model,
         range=dict(case.problem.ranges),
         noise=case.noise,
-        experiments=_experiments(j, ranking),
-        notes=(*case.problem.notes, *case.unseen.notes, *messages.remarks(j), *closed_loop.remarks(j)),
-        yaml=yaml_of(model, j),
+        experiments=_experiments(w, v, ranking),
+        notes=(*case.problem.notes, *case.unseen.notes, *messages.remarks(w, v), *closed_loop.remarks(w, v)),
+        yaml=yaml_of(model, parameters, findings),
         given=w.first_rows().given,
         horizon=case.horizon,
-        findings=j,
-        rivals=rivals(j),
+        findings=findings,
+        rivals=rivals(w, v),
         given_model=case.model.to_yaml(),
     )
 
 
-def _parameters(j: Verdict, f: FittedModel) -> dict[str, ParameterEstimate]:
+def _parameters(w: Evidence, f: FittedModel) -> dict[str, ParameterEstimate]:
     """Return the parameters of a fit; with those that are held at what the force tells."""
-    return (held(j.motion.problem, f.model, f.parameters) if j.evidence.contradicted else {}) | f.parameters
+    return (held(w.motion.problem, f.model, f.parameters) if w.contradicted else {}) | f.parameters
 
 
 # -------------------------------------------------------------------- ranking
 
 
-def _ranking(j: Verdict) -> tuple[RankingEntry, ...]:
-    """Return every effect that competed, what is proposed first, with its status and why; then what does not apply."""
-    single, laws = {f.effects[0]: f for f in j.evidence.single}, j.evidence.laws
-    ties = {e: _ties(j, e) for e in j.names}
+def _ranking(w: Evidence, v: Verdict) -> tuple[RankingEntry, ...]:
+    """Return every effect that may be missing, what is proposed first, with its status and why; then what does not
+    apply. Which of them have a row does not depend on the way of the search; numbers are those of the best fit of each.
+    """
+    single, laws = _fitted_alone(w), w.laws
+    ties = {e: _ties(w, v, e) for e in v.names}
     tied = {t: e for e, names in ties.items() for t in names}
-    others, absent = list[RankingEntry](), list[RankingEntry]()
-    for name in (n for n in EFFECTS if n not in j.names):
-        if name in j.dropped:
-            others.append(RankingEntry(name, "rejected", why=j.dropped[name]))
+    others, untried, absent = list[RankingEntry](), list[RankingEntry](), list[RankingEntry]()
+    for name in (n for n in EFFECTS if n not in v.names):
+        if name in v.selection.dropped:
+            others.append(RankingEntry(name, "rejected", why=v.selection.dropped[name]))
         elif name in single:
-            others.append(_other(j, name, single[name]))
+            others.append(_other(w, v, name, single[name]))
         elif name in laws:
-            others.append(_by_force(j, name))
-        elif not _applies(j, name):
-            absent.append(RankingEntry(name, "not_applicable", why=f"does not apply to {j.case.model.plant.name}"))
+            others.append(_by_force(w, v, name))
+        elif name in w.motion.candidates and not v.selection.asked:
+            untried.append(RankingEntry(name, "rejected", why=_not_fitted(w, v, name)))
+        elif not _applies(w, name):
+            absent.append(RankingEntry(name, "not_applicable", why=f"does not apply to {w.case.plant.name}"))
     others = [_beside(e, tied[e.effect]) if e.effect in tied else e for e in others]
     levels = dict.fromkeys(tied, 0.0) | {name: f.level for name, f in single.items()}
     others.sort(key=lambda e: (e.status != "ambiguous", levels.get(e.effect, math.inf)))
-    return (*(_named(j, e, ties[e]) for e in j.names), *others, *absent)
+    return (*(_named(w, v, e, ties[e]) for e in v.names), *others, *untried, *absent)
 
 
-def _applies(j: Verdict, name: str) -> bool:
+def _fitted_alone(w: Evidence) -> dict[str, FittedModel]:
+    """Return the best fit of every effect that was fitted by itself; a sensor's on the channel where it is best."""
+    fits = [f for f in w.cache.best.values() if len(f.effects) == 1]
+    return {f.effects[0]: f for f in sorted(fits, key=attrgetter("level"), reverse=True)}
+
+
+def _not_fitted(w: Evidence, v: Verdict, name: str) -> str:
+    """Return why an effect that no force shows was not fitted to the end."""
+    if name in w.cache.searched.get((), ()):
+        return "after the first steps of a fit it takes away too little of the error to go on with"
+    if complete(w, v.final):
+        what, verb = listed(v.names) or "the model as it is", "leave" if len(v.names) > 1 else "leaves"
+        return f"not fitted: {what} {verb} nothing but noise"
+    return "not fitted: no step of the search led to it"
+
+
+def _applies(w: Evidence, name: str) -> bool:
     try:
-        return j.case.model.with_effect(name, "tried").states is not None  # tracing tells
+        return w.case.model.with_effect(name, "tried").states is not None  # tracing tells
     except InputError:
         return False
 
 
-def _ties(j: Verdict, effect: str) -> tuple[str, ...]:
+def _ties(w: Evidence, v: Verdict, effect: str) -> tuple[str, ...]:
     """Return what is as good in the place of an effect, by force or motion, refused by neither, and leaves no more."""
-    w, force, rest, found = j.evidence, j.evidence.force, set(j.names) - {effect}, set[str]()
-    if force and set(force.effects) == set(j.names):
+    force, rest, found = w.force, set(v.names) - {effect}, set[str]()
+    if force and set(force.effects) == set(v.names):
         found |= set(force.search.ties(force.fit, effect))
-    for f in w.tried:
-        if not (rest < set(f.effects) and len(f.effects) == len(j.names) and effect not in f.effects):
+    for f in w.cache.tried:
+        if not (rest < set(f.effects) and len(f.effects) == len(v.names) and effect not in f.effects):
             continue
-        if j.motion.refused(j.base, f):
+        if w.motion.refused(v.base, f):
             found -= set(f.effects)
-        elif w.raises(j.final, f) or (w.left(f) is None and w.explains(j.final)):
+        elif w.raises(v.final, f) or (w.left(f) is None and w.explains(v.final)):
             continue
-        elif j.motion.as_good(j.final, f) and j.motion.refused(f, j.final):
+        elif w.motion.as_good(v.final, f) and w.motion.refused(f, v.final):
             found |= set(f.effects) - rest
-    return tuple(sorted(found - set(j.names)))
+    return tuple(sorted(found - set(v.names)))
 
 
-def _named(j: Verdict, effect: str, ties: tuple[str, ...]) -> RankingEntry:
+def _named(w: Evidence, v: Verdict, effect: str, ties: tuple[str, ...]) -> RankingEntry:
     """Return the entry of an effect that is proposed."""
-    once = j.unexplained == "once" and effect in j.remembers
-    once |= j.unexplained == "loop" and effect == j.loop
-    open_ones = [r.effects for r in undecided(j.evidence, j.final)]
+    once = v.reason == "once" and effect in v.remembers
+    once |= v.reason == "loop" and effect == v.loop
+    open_ones = [r.effects for r in undecided(w, v.selection.rivals, v.final)]
     once |= any(effect not in effects for effects in open_ones)
-    ties = tuple(sorted({*ties, *(n for effects in open_ones for n in effects if n not in j.names)}))
+    ties = tuple(sorted({*ties, *(n for effects in open_ones for n in effects if n not in v.names)}))
     status = "ambiguous" if once or any(not _richer(t, effect) for t in ties) else "confirmed"
-    if j.refused or (j.unexplained and REASONS[j.unexplained].rejects):
+    if v.refused or (v.reason and REASONS[v.reason].rejects):
         status = "rejected"
-    own, why = messages.own_parameters(j.final, effect), messages.why_named(j, effect)
-    return RankingEntry(effect, status, own, j.evidence.row(j.final, None).validation, ties, why)
+    own, why = messages.own_parameters(v.final, effect), messages.why_named(w, v, effect)
+    return RankingEntry(effect, status, own, w.row(v.final, None).validation, ties, why)
 
 
 def _richer(a: str, b: str) -> bool:
@@ -118,23 +144,23 @@ def _richer(a: str, b: str) -> bool:
     return bool(first.family) and first.family == second.family
 
 
-def _other(j: Verdict, name: str, f: FittedModel) -> RankingEntry:
+def _other(w: Evidence, v: Verdict, name: str, f: FittedModel) -> RankingEntry:
     """Return the entry of an effect that was fitted out by itself."""
-    beyond = find_effect(name, "effects").only_beyond and j.motion.refused(j.base, f)
+    beyond = find_effect(name, "effects").only_beyond and w.motion.refused(v.base, f)
     status, own = "not_excited" if beyond else "rejected", messages.own_parameters(f, name)
-    return RankingEntry(name, status, own, j.evidence.row(f, None).validation, why=messages.why_not(j, f))
+    return RankingEntry(name, status, own, w.row(f, None).validation, why=messages.why_not(w, v, f))
 
 
-def _by_force(j: Verdict, name: str) -> RankingEntry:
+def _by_force(w: Evidence, v: Verdict, name: str) -> RankingEntry:
     """Return the entry of an effect that only the equation-error estimate tried."""
-    w, force = j.evidence, j.evidence.force
+    force = w.force
     assert force is not None  # noqa: S101  it tried the effect
-    a, b = j.percent_of(j.base) or force.percent(force.search.base), force.percent(w.laws[name])
+    a, b = force_percent(w, v.base, v.final) or force.percent(force.search.base), force.percent(w.laws[name])
     summary_of = f"{b:.3g} %" if b <= WHOLE_EFFORT else "more than all"
     why = f"by the force it would leave {summary_of} {w.of_effort} on validation data, the model without it {a:.3g} %"
-    unseen = find_effect(name, "effects").only_beyond and b > (1.0 - j.criteria.alike) * a
+    unseen = find_effect(name, "effects").only_beyond and b > (1.0 - w.criteria.alike) * a
     return (
-        RankingEntry(name, "not_excited", why=f"{why}{_beyond(j)}")
+        RankingEntry(name, "not_excited", why=f"{why}{_beyond(w)}")
         if unseen
         else RankingEntry(name, "rejected", why=why)
     )
@@ -147,9 +173,9 @@ def _beside(e: RankingEntry, tied: str) -> RankingEntry:
     return replace(e, status=status, indistinguishable_from=(tied,), why=why)
 
 
-def _beyond(j: Verdict) -> str:
+def _beyond(w: Evidence) -> str:
     """Return between which positions the records tell of what shows only beyond them."""
-    problem, plant = j.case.problem, j.case.model.plant
+    problem, plant = w.case.problem, w.case.plant
     if plant.position not in problem.ranges:
         return ""
     unit = problem.shown(problem.units.get(plant.position, plant.position_unit))
@@ -157,13 +183,13 @@ def _beyond(j: Verdict) -> str:
     return f"; the records move from {low:.3g} to {high:.3g} {unit}: it may act beyond"
 
 
-def _experiments(j: Verdict, ranking: Sequence[RankingEntry]) -> tuple[str, ...]:
+def _experiments(w: Evidence, v: Verdict, ranking: Sequence[RankingEntry]) -> tuple[str, ...]:
     """Return what to record to decide between what ties, and to see what this record cannot show."""
-    asked = {tie: "to decide on" for e in ranking if e.effect in j.names for tie in e.indistinguishable_from}
+    asked = {tie: "to decide on" for e in ranking if e.effect in v.names for tie in e.indistinguishable_from}
     asked |= {e.effect: "to see" for e in ranking if e.status == "not_excited" and e.effect not in asked}
     what = {n: find_effect(n, "effects").experiment for n in asked}
     found = tuple(f"{why} {listed([n])}: {what[n]}" for n, why in asked.items() if what[n])
-    return (*found, *closed_loop.experiments(j))
+    return (*found, *closed_loop.experiments(w))
 
 
 __all__ = ["summary_of"]

@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from itertools import count
 from typing import Any
 
 from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA, Criteria
 from signlin_ros.diagnosis.dataset import Records, dataset_of
 from signlin_ros.diagnosis.discrimination import PlannedRival, discriminated, refitted
-from signlin_ros.diagnosis.evidence import Seen, Tell, evidence_of
+from signlin_ros.diagnosis.evidence import evidence_of
+from signlin_ros.diagnosis.output_error import FitCache
 from signlin_ros.diagnosis.output_error.trials import trials
-from signlin_ros.diagnosis.parts import without_idle
+from signlin_ros.diagnosis.parts import without_idle, without_untold
+from signlin_ros.diagnosis.progress import Progress, Report
 from signlin_ros.diagnosis.results import Diagnosis, listed
-from signlin_ros.diagnosis.selection import select_model
+from signlin_ros.diagnosis.selection import Selection, select_model
 from signlin_ros.diagnosis.summary import summary_of
-from signlin_ros.diagnosis.verdict import Verdict, verdict_of
+from signlin_ros.diagnosis.verdict import verdict_of
 from signlin_ros.model import Model
 from signlin_ros.threads import one_thread
 
-Progress = Callable[[str, float], None]
 MAX_REFINE_EFFECTS = 6
 """Most effects that `refine` adds."""
 
@@ -32,30 +32,27 @@ def diagnose(
     validation: Records | None = None,
     *,
     jobs: int | None = None,
-    progress: Progress | None = None,
-    cancelled: Callable[[], bool] | None = None,
-    seen: Seen | None = None,
+    progress: Progress | Report | None = None,
     criteria: Criteria = DEFAULT_CRITERIA,
     rivals: Sequence[PlannedRival] = (),
 ) -> Diagnosis:
     """Name the physical effects that a model lacks, or say that none fits, none is missing, or what cannot be told.
 
     data, validation: records in the model's terms (`signlin_ros.records.read_for_model`). ``jobs``: threads;
-    ``progress``: told of what is done, and how much of all; ``cancelled``: asked whether to stop, which raises
-    `CancelledError`; ``seen``: told, from any thread, of every fit; ``rivals``: those of a planned experiment, each is
-    refitted from its own values and must lose before another law is confirmed. Raises `RecordError` for unusable
-    records.
+    ``progress``: who watches, may stop it and is shown every fit; a function is told of each stage, and how much of all
+    is done. ``rivals``: those of a planned experiment, each is refitted from its own values and must lose before
+    another law is confirmed. Raises `RecordError` for unusable records, `CancelledError` where it was stopped.
     """
-    prepared, tell = dataset_of(model, data, validation), _stages(progress)
-    both = evidence_of(prepared, criteria, tell, jobs, cancelled, seen)
-    tell("motion with what the force shows" if both.force and both.force.effects else "motion")
+    dataset, cache, watched = dataset_of(model, data, validation), FitCache(), Progress.of(progress)
+    both = evidence_of(dataset, criteria, cache, watched, jobs)
+    watched.say("motion with what the force shows" if both.force and both.force.effects else "motion")
     both = both.grounded()
-    selected = select_model(both)
+    selection = select_model(both)
     if rivals:
-        tell("rivals of the plan")
-        both.rivals = refitted(both, rivals)
-        selected = discriminated(both, *selected)
-    return summary_of(without_idle(verdict_of(both, *selected)))
+        watched.say("rivals of the plan")
+        selection = discriminated(both, selection, refitted(both, rivals))
+    verdict = without_untold(both, verdict_of(both, selection))
+    return summary_of(both, without_idle(both, verdict))
 
 
 def refine(
@@ -84,27 +81,19 @@ def add(
     validation: Records | None = None,
     *,
     jobs: int | None = None,
-    progress: Progress | None = None,
-    cancelled: Callable[[], bool] | None = None,
-    seen: Seen | None = None,
+    progress: Progress | Report | None = None,
     criteria: Criteria = DEFAULT_CRITERIA,
 ) -> Diagnosis:
     """Add an effect and fit it, whatever it is worth; as `diagnose`. Raises `InputError` where it cannot be added."""
-    prepared, tell = dataset_of(model, data, validation), _stages(progress)
-    trials(prepared.problem, [effect])  # raises what is told above, before anything is fitted
-    both = evidence_of(prepared, criteria, tell, jobs, cancelled, seen)
-    tell(f"motion with {listed([effect])}")
+    dataset, cache, watched = dataset_of(model, data, validation), FitCache(), Progress.of(progress)
+    trials(dataset.problem, [effect])  # raises what is told above, before anything is fitted
+    both = evidence_of(dataset, criteria, cache, watched, jobs)
+    watched.say(f"motion with {listed([effect])}")
     both = both.grounded()
     alone, force = both.laws.get(effect), both.force
     final = both.motion.fitted([effect], force.with_laws(alone) if force and alone else None)
-    both.keep(final)
-    return summary_of(Verdict(both, both.valued(final), asked=effect))
-
-
-def _stages(progress: Progress | None) -> Tell:
-    """Return what tells of stages: how many there are shows on the way, so each is a fifth of what is left."""
-    shares = (1.0 - 0.8**n for n in count())
-    return (lambda what: progress(what, next(shares))) if progress else (lambda what: None)
+    both.cache.keep(final)
+    return summary_of(both, verdict_of(both, Selection(both.valued(final), asked=effect)))
 
 
 __all__ = ["add", "diagnose", "refine"]

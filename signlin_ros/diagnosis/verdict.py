@@ -1,28 +1,16 @@
-"""The verdict that follows from what both estimates stand for: adequate, missing or unexplained."""
+"""The verdict that follows from a selection: adequate, missing or unexplained, and every number that it rests on."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import NDArray
-
-from signlin_ros.comparison.scores import unfollowed
-from signlin_ros.diagnosis.criteria import Criteria
-from signlin_ros.diagnosis.dataset import Dataset
-from signlin_ros.diagnosis.equation_error.flexible import Curve, changing, structured
-from signlin_ros.diagnosis.equation_error.regression import RegressionFit, mean_certainty
-from signlin_ros.diagnosis.evidence import HALF, Evidence
-from signlin_ros.diagnosis.loops import forces_of
-from signlin_ros.diagnosis.output_error import FittedModel, OutputErrorEstimator
-from signlin_ros.diagnosis.output_error.score import elsewhere, gain, of_windows
+from signlin_ros.diagnosis.equation_error.flexible import Curve
+from signlin_ros.diagnosis.evidence import Evidence
+from signlin_ros.diagnosis.output_error import FittedModel
+from signlin_ros.diagnosis.selection import Selection
+from signlin_ros.diagnosis.validation import ValidationTests
 from signlin_ros.effects import find_effect
-from signlin_ros.errors import InputError
-from signlin_ros.fitting.prepare import reversed_signal
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -41,7 +29,7 @@ REASONS = {
     "conflict": Reason(rejects=True),
     "lost": Reason(),
     "worse": Reason(
-        " would lower an error, but that of {j.worse} rises on validation data: nothing is confirmed.", rejects=True
+        " would lower an error, but that of {v.worse} rises on validation data: nothing is confirmed.", rejects=True
     ),
     "given": Reason(
         ": beside the refitted model {falls}, but the error {changes} beside the model as given, which is too little: "
@@ -62,344 +50,128 @@ REASONS = {
     "loop": Reason(" ({falls}): what is there is hysteresis{loops}.{rest}"),
     "structure": Reason(),
 }
-"""Why records are not explained: what `Judgement.unexplained` may be."""
+"""Why records are not explained: what `Verdict.reason` may be."""
 
 
 @dataclass(frozen=True, eq=False)
 class Verdict:
-    """What follows from what both estimates stand for: the `verdict`, and every number that it rests on.
+    """What follows from a ``selection``: values only.
 
-    ``final``: that model; ``conflict``: why they differ; ``asked``: what `add` was asked for; ``untold``: why unseen
-    data do not tell of what they proposed, where the model without it is stood for; ``dropped``: effects that were
-    proposed beside others and tell nothing, and why.
+    ``label``: adequate, missing or unexplained; ``reason``: a key of `REASONS`, empty where the records are explained;
+    ``refused``: why they do not ask for what `add` was asked for. Of the records: ``reversed``, the signal with whose
+    sign reversed the model as given follows much better; ``lost``, channels that no model follows. Of the selected
+    model, where validation data err: ``far``, base parameters far from nominal and by how many tolerances; ``percent``
+    of the effort that is left as force; ``imposed``, per cent of the spread of an imposed motion's force; ``flexible``,
+    what a flexible curve makes of it; ``changing``, which force changes slowly along the records; ``loop``, the
+    hysteresis that explains a part; ``worse``, what rises; ``beside_given``, standard errors of its gain beside the
+    model as given. Fits beside it: ``steps`` from the base to it, ``without`` each of its effects, and ``sampled``,
+    with inputs sampled from what goes on in between, where that is surely better.
     """
 
-    evidence: Evidence
-    final: FittedModel
-    conflict: str = ""
-    asked: str = ""
-    untold: str = ""
-    dropped: Mapping[str, str] = field(default_factory=dict)
+    selection: Selection
+    base: FittedModel
+    label: str
+    reason: str
+    flexible: Curve
+    steps: tuple[FittedModel, ...]
+    without: Mapping[str, FittedModel] = field(default_factory=dict)
+    refused: str = ""
+    reversed: str = ""
+    lost: tuple[str, ...] = ()
+    far: Mapping[str, float] = field(default_factory=dict)
+    percent: float | None = None
+    imposed: float | None = None
+    changing: str = ""
+    loop: str = ""
+    worse: str = ""
+    beside_given: float = 0.0
+    sampled: FittedModel | None = None
 
     @property
-    def case(self) -> Dataset:
-        """The records."""
-        return self.evidence.case
-
-    @property
-    def motion(self) -> OutputErrorEstimator:
-        """The output-error estimate."""
-        return self.evidence.motion
-
-    @property
-    def base(self) -> FittedModel:
-        """The best fit of the model as given."""
-        return self.evidence.base
-
-    @property
-    def criteria(self) -> Criteria:
-        """What decides."""
-        return self.evidence.criteria
+    def final(self) -> FittedModel:
+        """The selected model."""
+        return self.selection.chosen
 
     @property
     def names(self) -> tuple[str, ...]:
         """The effects that the model lacks."""
         return self.final.effects
 
-    @cached_property
-    def refused(self) -> str:
-        """Why the records do not ask for what `add` was asked for; empty where they do."""
-        return self.motion.refused(self.base, self.final) if self.asked else ""
-
-    @cached_property
-    def reversed(self) -> str:
-        """The signal with whose sign reversed the model as given follows much better, if there is one."""
-        return reversed_signal(self.motion.problem, self.base.fit, self.final.fit)
-
-    @cached_property
-    def far(self) -> dict[str, float]:
-        """Base parameters that end far from nominal, and by how many tolerances."""
-        return self.final.far(self.criteria)
-
-    @cached_property
-    def same_at_nominal(self) -> bool:
-        """Whether it is confirmed with what is far held at nominal, too: beside the base held so, and at its best."""
-        try:
-            held = self.motion.holding({name: self.motion.problem.base.value(name) for name in self.far})
-            found = held.fitted(self.names)
-        except InputError:
-            return False
-        return not held.refused(held.base, found) and not self.motion.refused(self.base, found)
-
-    @cached_property
-    def percent(self) -> float | None:
-        """Force that is left, in per cent of the effort."""
-        return self.percent_of(self.final)
-
-    @cached_property
-    def flexible(self) -> Curve:
-        """What a flexible curve makes of the force that is left."""
-        force = self.evidence.force
-        if force is None or self.percent is None:
-            return Curve(False, np.inf)
-        search, r = force.search, force.search.r
-        if self.evidence.acting(self.final) == set(force.effects):
-            return force.flexible
-        if not self.names:
-            return structured(search, search.base)
-        left, unseen = (s.missing(self.final.model) for s in (r.known, r.unseen))
-        return structured(search, RegressionFit((("final", ()),), np.zeros(0), left, lambda: unseen))
-
-    @cached_property
-    def changing(self) -> str:
-        """Which force changes slowly along the records, if that is most of what is left; empty if none does."""
-        force = self.evidence.force
-        if force is None or self.percent is None or self.final.white:
-            return ""
-        fit, r = force.search.models.get(self.evidence.acting(self.final)), force.search.r
-        left = fit.unseen if fit else r.unseen.missing(self.final.model)
-        return changing(r, left, forces_of(self.final, self.remembers))
-
-    @cached_property
-    def loop(self) -> str:
-        """The hysteresis of a proposal that leaves more than a quarter of the force (RMS): one loop of its family."""
-        least = max(100.0 * self.criteria.part, self.criteria.sees * self.evidence.noise_percent)
-        own = [n for n in self.remembers if find_effect(n, "effects").family]
-        return own[0] if own and not self.final.clean and max(self.percent or 0, self.imposed or 0) > least else ""
-
-    @cached_property
-    def worse(self) -> str:
-        """The channel whose printed error rises beyond its standard error beside the base, or the missing force; where
-        the proposal's own is not told, that of a step on the way.
-        """
-        before, after, w = self.left(self.base), self.left(self.final), self.evidence
-        steps = self.steps[1:-1] if after is None else ()
-        after = next((left for f in reversed(steps) if (left := self.left(f)) is not None), after)
-        risen = before is not None and after is not None and w.rises(before, after, self.criteria.worse)
-        return w.rising(self.base, self.final, self.criteria.worse) or ("the missing force" if risen else "")
-
-    @cached_property
-    def beside_given(self) -> float:
-        """By how many standard errors the proposal lowers the error on validation data beside the model as given."""
-        return self.motion.certainty(self.motion.given, self.final)
-
-    @cached_property
-    def no_better(self) -> bool:
-        """Whether validation data do not surely show a gain beside the model as given: a refit may not carry over."""
-        if self.beside_given > self.criteria.least:
-            return False
-        given, final = (self.evidence.as_written(f) for f in (self.motion.given, self.final))
-        return given is None or final is None or mean_certainty(given, final) <= self.criteria.least
-
     @property
     def remembers(self) -> tuple[str, ...]:
-        """The effects of the proposal that have a state of their own."""
+        """Those of them that have a state of their own."""
         return tuple(n for n in self.names if find_effect(n, "effects").states)
 
-    @cached_property
-    def lost(self) -> list[str]:
-        """The channels that none of the models that were fitted follows, neither where it was fitted nor elsewhere."""
-        known, unseen, missed = self.motion.problem, self.motion.unseen, set(self.motion.problem.channels)
-        for f in (self.final, *self.evidence.tried):
-            for side, squares in ((known, f.training_squares), (unseen, f.validation_squares)):
-                missed &= set(unfollowed(of_windows(side, squares, side.noise)))
-        return [name for name in known.channels if name in missed]
 
-    @cached_property
-    def elsewhere(self) -> bool:
-        """Whether the model follows validation data far worse than those that it was fitted to: of its force, too."""
-        noise, final, force = (self.motion.problem.noise, self.motion.unseen.noise), self.final, self.evidence.force
-        if not elsewhere(final.training_squares, final.validation_squares, *noise, self.criteria.near):
-            return False
-        if force is None or self.percent is None:
-            return True
-        known = (
-            float(np.sqrt(np.mean(force.residual_as_written(final.model, known=True)))) / force.search.r.known.effort
-        )
-        return 100.0 * known < HALF * self.percent
+def reason_of(t: ValidationTests, conflict: str = "") -> str:
+    """Return why the records are not explained, a key of `REASONS`; empty if they are.
 
-    @cached_property
-    def unexplained(self) -> str:
-        """Why the records are not explained; empty if they are."""
-        if self.reversed:
-            return "reversed"
-        if self.conflict:
-            return "conflict"
-        if not self.names and self.lost:
-            return "lost"
-        if self.names and self.worse:
-            return "worse"
-        if self.names and self.no_better:
-            return "given"
-        if self.remembers and self.case.seldom:
-            return "once"
-        if self.names and self.of_noise:
-            return "noise"
-        if self.names and self.far and not self.same_at_nominal:
-            return "far"
-        if self.most or self.loop:
-            return "structure" if self.most else "loop"
-        if self.evidence.sees(self.final):
-            large = not self.names and max([self.percent or 0.0, *self.unpredicted]) > 100.0 * self.criteria.large
-            near = self.evidence.near_noise(self.final)
-            if large and self.elsewhere:
-                return "elsewhere"
-            clean = self.final.clean and (not large or self.follows)
-            noise = clean or (near and self.final.white)
-            more = not self.final.white and (self.little or near or self.changing or self.idle)
-            more = more or (self.little and self.little_motion and not self.final.clean)  # untested is no proof
-            return "structure" if ((large or self.flexible.visible) and not noise) or more else ""
-        if self.case.model.plant.closed_loop and self.evidence.near_noise(self.final):
-            return ""  # where a servo sticks, the steps of its encoder are no noise that could be tested
-        noise = self.evidence.leaves_noise(self.final)
-        near = self.evidence.near_any_noise(self.final)
-        if self.names and not near and (noise or self.percent is None):
-            return "" if not self.little_motion else "elsewhere" if self.elsewhere else "structure"
-        return "" if noise or self.within_noise or self.little_left else "structure"
-
-    @property
-    def follows(self) -> bool:
-        """Whether every channel is predicted near its noise, or but for a small part of what it does: else no test of
-        what is left shows that it is noise.
-        """
-        part = 100.0 * self.criteria.part
-        return self.evidence.near_any_noise(self.final) or max(self.unpredicted, default=0.0) <= part
-
-    @property
-    def little_left(self) -> bool:
-        """Whether a proposal leaves of every channel no more, beside what the base model does, than a table shows."""
-        beyond = self.final.errors > self.criteria.near * self.motion.unseen.noise
-        less = self.final.errors <= self.criteria.alike * self.base.errors
-        return bool(self.names and beyond.any() and np.all(less[beyond]))
-
-    @cached_property
-    def sampled(self) -> FittedModel | None:
-        """The same model with inputs that were sampled from what goes on in between, where that is surely better."""
-        model = self.final.model
-        if not model.asks_hold or model.plant.motion_is_imposed() or self.evidence.near_noise(self.final):
-            return None
-        try:
-            found = self.motion.acting("centred").fitted(self.names, model.with_options(input_hold="centred"))
-        except InputError:
-            return None
-        shows = np.any(found.errors < (1.0 - self.criteria.alike) * self.final.errors)
-        return found if shows and self.motion.certainty(self.final, found) >= self.criteria.certainty else None
-
-    @property
-    def of_noise(self) -> bool:
-        """Whether the base errs by no more than the noise, and nothing falls visibly, nor is a parameter freed."""
-        before, after = self.base.errors**2, self.final.errors**2
-        visible = self.criteria.each * (self.final.size - self.base.size)
-        within = np.all(before <= self.motion.unseen.noise**2)
-        return bool(within and np.all(before - after < visible * before) and not freed(self.base, self.final))
-
-    @property
-    def within_noise(self) -> bool:
-        """Whether no effect is named, and force and motion are within about the noise, or half a sensor's step."""
-        if self.names or self.percent is None:
-            return False
-        w = self.evidence
-        little = self.percent <= w.noise_percent and w.near_noise(self.final)
-        within = self.final.errors <= np.maximum(self.motion.unseen.noise, self.case.problem.quanta / 2)
-        return bool(little or (not w.sees(self.final) and np.all(within)))
-
-    @property
-    def little(self) -> bool:
-        """Whether a proposal leaves the larger part of the force that is missing."""
-        part = self.evidence.remaining(self.left(self.final))
-        return bool(self.names) and part is not None and part > self.criteria.part
-
-    @property
-    def unpredicted(self) -> list[float]:
-        """What is left of the channels, of which the model leaves more than about their noise, in per cent of their
-        spread.
-        """
-        scores = self.evidence.row(self.final, None).validation.channels.values()
-        near = self.criteria.near
-        far = [s.fit_percent for s in scores if s.rmse_over_noise is None or s.rmse_over_noise > near]
-        return [100.0 - fit for fit in far if fit is not None]
-
-    @cached_property
-    def imposed(self) -> float | None:
-        """What is left of the force of an imposed motion, where only its row tells, in per cent of its spread."""
-        told = self.percent is not None and self.percent > self.evidence.noise_percent
-        if told or not self.case.model.plant.motion_is_imposed():
-            return None
-        return next(iter(self.unpredicted), None)
-
-    @property
-    def most(self) -> bool:
-        """Whether a proposal leaves most of the effort, beyond the noise, or of the force of an imposed motion."""
-        effort = 0.0 if self.percent is None else self.percent**2 - self.evidence.noise_percent**2
-        return bool(self.names) and max(effort, (self.imposed or 0.0) ** 2) > 100.0**2 * self.criteria.part
-
-    @property
-    def idle(self) -> bool:
-        """Whether one of several laws does not surely take away force, where forces tell of it."""
-        w, several = self.evidence, self.names if len(self.names) > 1 else ()
-        return not all(w.falls(self.without(n), self.final) for n in several if n not in w.hidden)
-
-    @property
-    def little_motion(self) -> bool:
-        """Whether a proposal leaves the larger part of what the motion lacks, of validation data or of known ones."""
-        known = gain(self.base.training_squares, self.final.training_squares, self.motion.problem.noise)
-        return min(self.motion.gain(self.base, self.final).share, known.share) < 1.0 - self.criteria.part
-
-    @property
-    def verdict(self) -> str:
-        """One of adequate, missing and unexplained: of the model as it is where what was asked for is worth nothing."""
-        if self.refused:
-            return replace(self, final=self.base, asked="").verdict
-        if self.unexplained:
-            return "unexplained"
-        return "missing" if self.names else "adequate"
-
-    @cached_property
-    def steps(self) -> tuple[FittedModel, ...]:
-        """The models from the base to the proposal, one effect after the other."""
-        steps, c = [self.base], self.criteria
-        for k in range(1, len(self.names)):
-            part = self._part(self.names[:k])
-            if part.effects and not self.motion.gain(steps[-1], part).worsens(c.worse, c.alike):
-                steps.append(part)
-        return (*steps, *([self.final] if self.names else []))
-
-    def without(self, effect: str) -> FittedModel:
-        """Return the best fit without one effect of the proposal: what removing it costs."""
-        return self._part([n for n in self.names if n != effect])
-
-    def _part(self, names: Sequence[str]) -> FittedModel:
-        """Return the best fit of some of the effects of the proposal; the base where it diverges without the others."""
-        try:
-            return self.motion.fitted(names, self.final.model) if names else self.base
-        except InputError:
-            return self.base
-
-    def left(self, f: FittedModel) -> Array | None:
-        """Return the mean squared force (blocks,) left of validation data: by the proposal as written, else at best."""
-        return self.evidence.as_written(f) if f is self.final and f.effects else self.evidence.left(f)
-
-    def percent_of(self, f: FittedModel) -> float | None:
-        """Return that force in per cent of the effort (RMS)."""
-        return self.evidence.percent(self.left(f))
+    ``conflict``: why the two estimates differ. The first test that fails decides.
+    """
+    if t.reversed:
+        return "reversed"
+    if conflict:
+        return "conflict"
+    if not t.names and t.lost:
+        return "lost"
+    if t.names and t.worse():
+        return "worse"
+    if t.names and t.no_better:
+        return "given"
+    if t.remembers and t.case.seldom:
+        return "once"
+    if t.names and t.of_noise:
+        return "noise"
+    if t.names and t.far and not t.same_at_nominal():
+        return "far"
+    if t.most or t.loop:
+        return "structure" if t.most else "loop"
+    if t.evidence.sees(t.final):
+        large = not t.names and max([t.percent or 0.0, *t.unpredicted]) > 100.0 * t.criteria.large
+        near = t.evidence.near_noise(t.final)
+        if large and t.elsewhere:
+            return "elsewhere"
+        clean = t.final.clean and (not large or t.follows)
+        noise = clean or (near and t.final.white)
+        more = not t.final.white and (t.little or near or t.changing or t.idle())
+        more = more or (t.little and t.little_motion and not t.final.clean)  # untested is no proof
+        return "structure" if ((large or t.flexible.visible) and not noise) or more else ""
+    if t.case.plant.closed_loop and t.evidence.near_noise(t.final):
+        return ""  # where a servo sticks, the steps of its encoder are no noise that could be tested
+    noise = t.evidence.leaves_noise(t.final)
+    near = t.evidence.near_any_noise(t.final)
+    if t.names and not near and (noise or t.percent is None):
+        return "" if not t.little_motion else "elsewhere" if t.elsewhere else "structure"
+    return "" if noise or t.within_noise or t.little_left else "structure"
 
 
-def freed(before: FittedModel, after: FittedModel) -> str:
-    """Return in words which base parameter is bent most without what was added, by a tolerance more; empty if none."""
-    first, last = before.off, after.off
-    most = max(first, key=lambda n: abs(first[n]) - abs(last.get(n, 0.0)), default="")
-    if not most or abs(first[most]) <= abs(last.get(most, 0.0)) + 1.0:
-        return ""
-    return f", but without it {most} ends {abs(first[most]):.1f} tolerances from its nominal value"
+def verdict_of(w: Evidence, s: Selection) -> Verdict:
+    """Test a selected model on validation data, and return what follows."""
+    t = ValidationTests(w, s.chosen)
+    reason, refused = reason_of(t, s.conflict), w.motion.refused(w.base, s.chosen) if s.asked else ""
+    names, last = (s.chosen.effects, reason) if not refused else ((), reason_of(ValidationTests(w, w.base)))
+    without = {n: t.without(n) for n in t.names}
+    steps, sampled = t.steps(), t.sampled()
+    return Verdict(
+        selection=s,
+        base=w.base,  # asked for after these fits, which may have led further down
+        label="unexplained" if last else "missing" if names else "adequate",
+        reason=reason,
+        steps=steps,
+        without=without,
+        refused=refused,
+        reversed=t.reversed,
+        lost=tuple(t.lost) if reason == "lost" else (),
+        far=t.far,
+        percent=t.percent,
+        imposed=t.imposed,
+        flexible=t.flexible,
+        changing=t.changing,
+        loop=t.loop,
+        worse=t.worse() if reason == "worse" else "",
+        beside_given=t.beside_given,
+        sampled=sampled,
+    )
 
 
-def verdict_of(evidence: Evidence, final: FittedModel, conflict: str = "") -> Verdict:
-    """Return the judgement; of the model without it where validation data do not tell of it, and nothing is missing."""
-    found = Verdict(evidence, final, conflict)
-    if not found.unexplained or not REASONS[found.unexplained].untold:
-        return found
-    alone = Verdict(evidence, evidence.base, untold=found.unexplained)
-    return alone if alone.verdict == "adequate" else found
-
-
-__all__ = ["REASONS", "Verdict", "freed", "verdict_of"]
+__all__ = ["REASONS", "Reason", "Verdict", "reason_of", "verdict_of"]

@@ -9,7 +9,8 @@ import numpy as np
 
 from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA
 from signlin_ros.diagnosis.dataset import dataset_of
-from signlin_ros.diagnosis.output_error import FittedModel, OutputErrorEstimator
+from signlin_ros.diagnosis.output_error import FitCache, FittedModel, OutputErrorEstimator, estimator_of
+from signlin_ros.diagnosis.progress import Progress
 from signlin_ros.diagnosis.rivals import rival
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import InputError, choices, suggest
@@ -69,8 +70,8 @@ def with_named(
             )
     if not absent:
         return list(rivals)
-    made = dataset_of(model, records)
-    motion = OutputErrorEstimator(made.problem, made.unseen, DEFAULT_CRITERIA, 1, None, cancelled)
+    made, watched = dataset_of(model, records), Progress(cancelled=cancelled) if cancelled else Progress()
+    motion = estimator_of(made.problem, made.unseen, DEFAULT_CRITERIA, FitCache(), watched, jobs=1)
     found = [_fitted(motion, name) for name in absent]
     return [*rivals, *known_rivals([rival(f).to_json() for f in found])]
 

@@ -77,8 +77,9 @@ def _channels(search: CommandSearch, both: Sequence[Pair], commands: Sequence[Ar
 
 def _wider(search: CommandSearch, both: Sequence[Pair]) -> Iterator[tuple[str, float]]:
     """Yield every limit, twice as wide."""
-    plant = search.bench.problem.base.plant
-    for name in (*search.limits.states, search.bench.problem.base.inputs[0]):
+    problem = search.bench.problem
+    plant = problem.plant
+    for name in (*search.limits.states, problem.base.inputs[0]):
         limits = search.limits.wider(WIDER_LIMITS, name)
         other = CommandSearch(
             search.bench, limits, search.t, search.spare, lambda what, share: None, search.seed, list(both)
@@ -122,7 +123,8 @@ def _loaded(c: Contender, name: str, more: float) -> Contender:
 
 def _faster(search: CommandSearch, both: Sequence[Pair]) -> Iterator[tuple[str, float]]:
     """Yield samples that are closer."""
-    step = search.bench.problem.scale.step / FASTER_SAMPLING
+    problem = search.bench.problem
+    step = problem.scale.step / FASTER_SAMPLING
     t = np.arange(0.0, search.t[-1] - search.t[0] + step / 2, step)
     worth = sorted(search.tried, key=lambda one: -float(one.linear.min(initial=np.inf)))[:1]
     for one in worth:

@@ -133,7 +133,7 @@ class CommandSearch:
 
     def _moves(self, s: PreparedSegment) -> bool:
         """Tell whether a motion shows beyond the noise: of a record in which nothing moves nothing is concluded."""
-        problem, plant = self.bench.problem, self.bench.problem.base.plant
+        problem, plant = self.bench.problem, self.bench.problem.plant
         moving = [k for k, c in enumerate(problem.channels) if c in (plant.position, plant.velocity)]
         spread = s.y.std(axis=0) / problem.noise
         return not moving or bool(np.any(spread[moving] > MIN_MOTION_OVER_NOISE))

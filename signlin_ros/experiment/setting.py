@@ -160,7 +160,7 @@ def _resting(bench: RivalBench) -> float:
     """Return the input that holds the machine where it starts, by bisection: 0 where any rival says that it stays
     there by itself.
     """
-    problem, velocity = bench.problem, bench.problem.base.plant.velocity
+    problem, velocity = bench.problem, bench.problem.plant.velocity
     t = np.arange(0.0, SETTLES, problem.scale.step)
     if problem.base.plant.closed_loop:
         return bench.x0.get(problem.base.plant.position, 0.0)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.output_error.execution import CancelledError
+from signlin_ros.diagnosis.progress import CancelledError
 from signlin_ros.diagnosis.results import Diagnosis
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import InputError
@@ -132,7 +132,7 @@ def designed(
         name = "+".join(rivals[0].effects) if rivals else "nothing"
         why = f"nothing to tell apart: these records leave only one model, with {name.replace('_', ' ')}"
         raise InputError(f"{why}; --between A,B names others" if not wishes.between else "--between: name two rivals")
-    if bench.problem.base.plant.motion_is_imposed():
+    if bench.problem.plant.motion_is_imposed():
         raise InputError(f"the plant {given.plant.name} has its motion imposed: a command cannot be designed for it")
     limits = limits_of(bench.problem, wishes.limits)
     search = CommandSearch(bench, limits, _times(bench, wishes), wishes.spare, tell, wishes.seed)

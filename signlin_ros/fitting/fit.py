@@ -51,8 +51,9 @@ def tidied(f: Fit) -> Fit:
     """Return a fit whose added periodic forces have positive amplitudes and phases within half a turn."""
     theta, signs = f.theta.copy(), np.ones(f.theta.size)
     at = {k.name: i for i, k in enumerate(f.candidate.coordinates)}
+    model = f.candidate.model
     for key in f.candidate.label:
-        use = f.candidate.model.effects.get(key)
+        use = model.effects.get(key)
         names = [f"{key}.{name}" for name in (EFFECTS[use.type].turning if use else ())]
         if not names or not set(names) <= set(at):
             continue

@@ -26,6 +26,7 @@ from signlin_ros.follow.tracking import TrackedRun, Tracker, filled
 from signlin_ros.mathops import NumpyMath
 from signlin_ros.model import Model
 from signlin_ros.noise import moving, noise_level, white_noise
+from signlin_ros.plants import Plant
 from signlin_ros.plants.dc_motor import quasi_static_current
 from signlin_ros.recording.trace import rotary_unit
 from signlin_ros.records import ModelData
@@ -62,6 +63,11 @@ class Problem:
     folds: tuple[tuple[int, ...], ...] = ()
     observers: tuple[ObserverGains, ...] = ()
 
+    @property
+    def plant(self) -> type[Plant]:
+        """The plant of the base model."""
+        return self.base.plant
+
     @functools.cached_property
     def short(self) -> Problem:
         """The problem on some stretches of its records, evenly; what effects remember is forgotten where they start."""
@@ -73,7 +79,7 @@ class Problem:
         most = min(max(MIN_SEARCH_SAMPLES, self.samples // 2), MAX_SEARCH_SAMPLES)
         if self.samples <= most:
             return self
-        if self.base.plant.closed_loop:  # whole records: a run in a loop forgets where it began, but not at once
+        if self.plant.closed_loop:  # whole records: a run in a loop forgets where it began, but not at once
             count = max(1, round(most * len(self.segments) / self.samples))
             at = np.linspace(0, len(self.segments) - 1, count).round().astype(int).tolist()
             return replace(self, segments=tuple(self.segments[i] for i in dict.fromkeys(at)))
@@ -94,12 +100,12 @@ class Problem:
     @property
     def stretch(self) -> tuple[float, float]:
         """Smallest and largest position, about, where only a velocity is measured."""
-        return self.ranges.get(self.base.plant.position, (0.0, self.scale.travel))
+        return self.ranges.get(self.plant.position, (0.0, self.scale.travel))
 
     @property
     def rotary(self) -> bool:
         """Whether a plant of forces and displacements stands for one of torques and angles."""
-        return self.base.plant.position_unit == "m" and self.units.get(self.base.plant.position) == "rad"
+        return self.plant.position_unit == "m" and self.units.get(self.plant.position) == "rad"
 
     @property
     def fastest(self) -> float:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from signlin_ros.checks.finding import Finding
 from signlin_ros.diagnosis.comparison import Comparison, compare
-from signlin_ros.diagnosis.output_error.fitted import held
+from signlin_ros.diagnosis.effect_evidence import EffectEvidence
 from signlin_ros.diagnosis.results import Diagnosis, ParameterEstimate, RankingEntry
 from signlin_ros.errors import SignlinError
 from signlin_ros.fitting.prepare import held_out
@@ -31,7 +31,6 @@ from signlin_ros.report.comparison import (
     rows_table,
     where,
 )
-from signlin_ros.report.evidence import EffectEvidence, effect_evidence, nearest
 from signlin_ros.report.files import write_report
 from signlin_ros.report.formulas import formula
 from signlin_ros.report.page import Block, Code, Fold, Items, Page, Picture, ReportTable, Section, Text
@@ -61,7 +60,7 @@ def diagnosis_report(
     d, remarks = diagnosis, list(diagnosis.notes)
     if comparisons is None and data is not None and model is not None:
         comparisons = _compared(model, d.model, *data, remarks)
-    base = model or (d.findings.case.problem.base if d.findings else None)
+    base = model or (d.findings.base if d.findings else None)
     before = comparisons[0] if comparisons else None
     sections = [
         *first,
@@ -86,7 +85,7 @@ def _with(d: Diagnosis) -> str:
     """Return which data it is about."""
     if d.findings is None:
         return ""
-    fitted, seen = (names_of([s.source for s in p.segments]) for p in (d.findings.case.problem, d.findings.case.unseen))
+    fitted, seen = (names_of(sources) for sources in (d.findings.training, d.findings.validation))
     return f": fitted to {fitted}, " + ("checked on its last third" if fitted == seen else f"checked on {seen}")
 
 
@@ -128,22 +127,21 @@ def _tie(entry: RankingEntry) -> list[Block]:
 
 def evidence_blocks(d: Diagnosis, effect: str) -> list[Block]:
     """Return the picture of an effect that was added; none where no force shows it."""
-    found = effect_evidence(d.findings, effect) if d.findings else None
+    found = d.findings.effects.get(effect) if d.findings else None
     return [_picture(found, effect)] if found else []
 
 
 def _evidence(d: Diagnosis, entry: RankingEntry) -> list[Block]:
-    found = effect_evidence(d.findings, entry.effect) if d.findings else None
+    found = d.findings.effects.get(entry.effect) if d.findings else None
     return [_picture(found, entry.effect)] if found else []
 
 
 def _nearest(d: Diagnosis) -> list[Block]:
     """Return the picture of the best effect that did not make it."""
-    best = nearest(d.findings) if d.findings else None
-    found = effect_evidence(d.findings, best.effects[0], best) if best else None
-    if best is None or found is None:
+    name = d.findings.nearest if d.findings else ""
+    found = d.findings.effects.get(name) if d.findings else None
+    if found is None:
         return []
-    name = best.effects[0]
     text = f"The nearest of the listed effects is {name.replace('_', ' ')}; it does not explain the residual."
     return [Text(text), _picture(found, name)]
 
@@ -242,8 +240,7 @@ def _parameters(d: Diagnosis, base: Model | None) -> list[Block]:
         shown = [_given(base, name, known) if known else "-", *(str(e) if e else "-" for e in (before, after))]
         rows.append([name, *shown, after.note if after else ""])
     if d.findings:
-        rest = held(d.findings.case.problem, d.model, {*d.parameters, *d.base})
-        rows += [[name, *[str(e)] * 3, e.note] for name, e in rest.items()]
+        rows += [[name, *[str(e)] * 3, e.note] for name, e in d.findings.held.items()]
     head = ["parameter", "as given", "refitted", "proposal", ""]
     text = "± is one standard error; it allows for what correlation is left in the residual."
     return [ReportTable(head, rows), Text(text, "note")]
@@ -308,8 +305,7 @@ def _unit(d: Diagnosis, name: str) -> str:
     """Return the unit of a state or an input, as the records have it."""
     if d.findings is None:
         return d.model.units.get(name, "")
-    problem = d.findings.case.problem
-    return str(problem.shown(problem.units.get(name, "")))
+    return d.findings.shown(d.findings.units.get(name, ""))
 
 
 def _reproduce(d: Diagnosis, command: str) -> list[Block]:

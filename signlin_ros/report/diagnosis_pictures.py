@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.comparison import Comparison
+from signlin_ros.diagnosis.effect_evidence import EffectEvidence, Explanation
 from signlin_ros.diagnosis.results import Diagnosis, LadderRow
 from signlin_ros.names import AS_GIVEN, REFITTED_ROW, SENSOR_NOISE_ROW
 from signlin_ros.plotting import BARE, EXACT_COLOUR, JACOBIAN, MIDPOINT, SEQUENCE, START_COLOUR, legend_above, styled
-from signlin_ros.report.evidence import EffectEvidence, Explanation
 
 Array = NDArray[np.float64]
 
@@ -59,7 +59,7 @@ def ladder(d: Diagnosis) -> Any:
     with styled(9.5, 1.25 + 0.42 * (len(labels) + 1)) as figure:
         grid = figure.subplots(1, len(channels), sharey=True, squeeze=False)[0]
         for ax, name in zip(grid, channels, strict=True):
-            _rungs(ax, rungs, name, d.findings.case.problem.shown(d.model.units[name]))
+            _rungs(ax, rungs, name, d.findings.shown(d.model.units[name]) if d.findings else d.model.units[name])
         rows = np.arange(len(labels) + 1)[::-1]
         grid[0].set_yticks(rows, [*labels, SENSOR_NOISE_ROW])
         ahead = f"over windows of {d.model.update_period:g} s"

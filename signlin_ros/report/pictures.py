@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from signlin_ros.comparison import bands
 from signlin_ros.comparison.missing import Missing
 from signlin_ros.console import per_second
 from signlin_ros.diagnosis.comparison import Comparison, Traces
@@ -125,7 +126,7 @@ def missing_against(
     lacking = _main(comparison)
     names = _coordinates(comparison) if coordinates is None else [comparison.model.canonical(c) for c in coordinates]
     values = np.concatenate(lacking.values)
-    block = curves.memory(values)
+    block = bands.memory(values)
     with styled(3.3 * len(names) + 0.6, 3.3) as figure:
         for ax, name in zip(figure.subplots(1, len(names), sharey=True, squeeze=False)[0], names, strict=True):
             x, label = _folded(comparison, name)
@@ -171,7 +172,7 @@ def missing_over_time(comparison: Comparison, stretch: int | None = None) -> Any
 
 def _scatter_and_band(ax: Any, x: Array, values: Array, block: int, dense: bool) -> None:
     every = max(1, x.size // MAX_DRAWN_POINTS)
-    found = curves.band(x, values, block, dense_at_zero=dense)
+    found = bands.band(x, values, block, dense_at_zero=dense)
     ax.plot(x[::every], values[::every], ".", color="#BBBBBB", ms=1.5, zorder=1, label="samples", rasterized=True)
     low, high = found.mean - found.two_errors, found.mean + found.two_errors
     ax.fill_between(found.at, low, high, color=LACKING, alpha=0.35, lw=0, label="mean ± 2 standard errors")

@@ -299,13 +299,14 @@ def _sides(args: Args) -> tuple[Model, list[ModelData], list[ModelData] | None, 
 def _diagnosed(verb: str, args: Args, say: Say) -> Any:
     """Run a verb as the command line does; its result is kept for the report."""
     from signlin_ros import diagnosis
+    from signlin_ros.diagnosis.progress import Progress
     from signlin_ros.diagnosis.proposal import printed
 
     model, first, second, findings = _sides(args)
     records, effect = [*first, *(second or ())], args.get("effect")
     run, ranking = getattr(diagnosis, verb), Ranking(say)
-    more = {"jobs": os.cpu_count() or 1, "progress": ranking.stage, "seen": ranking.seen}
-    result = run(*([effect] if effect else []), model, first, second, **more)
+    watched = Progress(ranking.stage, seen=ranking.seen)
+    result = run(*([effect] if effect else []), model, first, second, jobs=os.cpu_count() or 1, progress=watched)
     result = printed(result, opened(args["model"]), args.get("output"), records)
     _LAST[str(args.get("key"))] = (result, model, (first, second), findings)
     return result

@@ -6,15 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from signlin_ros.comparison.bands import Band
+from signlin_ros.comparison.waves import said, waves_of
+from signlin_ros.diagnosis.effect_evidence import EffectEvidence, Explanation
 from signlin_ros.diagnosis.evidence import changes_effort
-from signlin_ros.diagnosis.output_error import FittedModel
 from signlin_ros.diagnosis.results import Diagnosis
-from signlin_ros.diagnosis.verdict import Verdict
 from signlin_ros.effects import find_effect
 from signlin_ros.recording.trace import resolve_unit
-from signlin_ros.report.curves import Band
-from signlin_ros.report.evidence import EffectEvidence, Explanation, effect_evidence
-from signlin_ros.report.waves import said, waves_of
 from signlin_ros.workbench.arrays import encoded
 
 MAX_SHOWN_PARAMETERS = 6
@@ -52,9 +50,8 @@ def _waves(result: Diagnosis, effect: str) -> str:
     waves = waves_of(result.model, effect)
     if not waves or result.findings is None:
         return ""
-    problem = result.findings.case.problem
-    plant = problem.base.plant
-    force, position = (problem.shown(resolve_unit(one, plant)) for one in ("F", "Q"))
+    found = result.findings
+    force, position = (found.shown(resolve_unit(one, found.base.plant)) for one in ("F", "Q"))
     return said(waves, position == "rad", force)
 
 
@@ -69,29 +66,13 @@ def _why(effect: str) -> str:
 
 
 def pictures(result: Diagnosis) -> dict[str, Any]:
-    """Return the picture of each effect that a diagnosis names, and of the best one that it refuses; by name."""
-    if result.findings is None:
-        return {}
-    found = {entry.effect: _shown(result.findings, entry.effect) for entry in result.missing}
-    if not found:
-        found = _nearest(result.findings)
-    return {name: one for name, one in found.items() if one}
+    """Return the picture of each effect that a diagnosis names, or of the best one that it refuses; by name."""
+    found = result.findings.effects if result.findings else {}
+    return {name: _shown(one) for name, one in found.items()}
 
 
-def _nearest(findings: Verdict) -> dict[str, Any]:
-    """Return the picture of the best single effect that has one, where none is named."""
-    for fitted in sorted(findings.evidence.single, key=lambda f: f.level):
-        picture = _shown(findings, fitted.effects[0], fitted)
-        if picture is not None:
-            return {fitted.effects[0]: picture}
-    return {}
-
-
-def _shown(findings: Verdict, effect: str, within: FittedModel | None = None) -> dict[str, Any] | None:
-    """Return one picture; None where there is nothing to show."""
-    e = effect_evidence(findings, effect, within)
-    if e is None:
-        return None
+def _shown(e: EffectEvidence) -> dict[str, Any]:
+    """Return one picture."""
     one_in = max(1, e.place.x.size // DOTS)
     rival = _explanation(e.rival) if e.rival is not None else None
     return {

@@ -17,16 +17,19 @@ import pytest
 
 from signlin_ros.console.comparison import _named
 from signlin_ros.diagnosis import messages, selection, single_laws, summary
-from signlin_ros.diagnosis import verdict as verdict_module
+from signlin_ros.diagnosis import validation as tests_module
 from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA
 from signlin_ros.diagnosis.dataset import Dataset
 from signlin_ros.diagnosis.equation_error.flexible import Curve
 from signlin_ros.diagnosis.evidence import Evidence
 from signlin_ros.diagnosis.family import FamilyChoice
-from signlin_ros.diagnosis.output_error import FittedModel
+from signlin_ros.diagnosis.output_error import FitCache, FittedModel
 from signlin_ros.diagnosis.output_error.score import elsewhere, gain, told_change
-from signlin_ros.diagnosis.selection import select_model
-from signlin_ros.diagnosis.verdict import REASONS, Verdict
+from signlin_ros.diagnosis.parts import without_untold
+from signlin_ros.diagnosis.selection import Selection, select_model
+from signlin_ros.diagnosis.validation import ValidationTests, force_percent
+from signlin_ros.diagnosis.verdict import REASONS, Verdict, reason_of, verdict_of
+from signlin_ros.effects import EFFECTS
 
 BLOCKS, NOISE, EFFORT, SPREAD = 40, 0.1, 10.0, 9.0
 
@@ -61,6 +64,8 @@ class Fit:
     @cached_property
     def level(self) -> float:
         return float(np.sum(np.log(np.mean(self.validation_squares, axis=0))))
+
+    asks_hold = False
 
     @property
     def model(self) -> Any:
@@ -110,10 +115,10 @@ class Fit:
 class Motion:
     """A output-error estimate with a table of fits."""
 
-    criteria = DEFAULT_CRITERIA
+    criteria, candidates = DEFAULT_CRITERIA, frozenset(EFFECTS)
 
     def __init__(self, base: Fit, given: Fit | None = None, imposed: bool = False) -> None:
-        self.searched: dict[Any, Any] = {}
+        self.cache = FitCache()
         self.base, self.given = base, given or Fit((), tuple(10.0 * r for r in base.rms), 10.0 * base.force)
         units = {"speed": "rad/s", "current": "A"}
         channels = ("speed", "current")[: len(base.rms)]
@@ -159,12 +164,12 @@ def force_witness(
     current: bool = False,
     helpful: tuple[str, ...] = (),
 ) -> Any:
-    unseen = SimpleNamespace(noise=0.01**2, effort=EFFORT, free=False)
+    unseen = SimpleNamespace(noise=0.01**2, effort=EFFORT, free=False, missing=lambda model: np.zeros(1))
     known = SimpleNamespace(pieces=[SimpleNamespace(position_measured=True)])
     regression = SimpleNamespace(laws=dict.fromkeys(laws), known=known, unseen=unseen, current=current)
     models = {frozenset(effects): SimpleNamespace(unseen=np.zeros(1), error=math.inf)}
     search = SimpleNamespace(
-        r=regression, models=models, helpful=frozenset(helpful), waves=SimpleNamespace(finest=math.inf)
+        base=None, r=regression, models=models, helpful=frozenset(helpful), waves=SimpleNamespace(finest=math.inf)
     )
     return SimpleNamespace(
         search=search,
@@ -182,7 +187,8 @@ def left(*fits: Fit) -> dict[Fit, np.ndarray]:
 
 def both(motion: Any, force: Any, *fits: Fit, tried: Any = (), kept: Any = None) -> Evidence:
     case = Dataset((SimpleNamespace(units={}),), motion.problem, motion.unseen)
-    return Evidence(case, motion, force, list(tried), left(*fits) if kept is None else kept)
+    motion.cache = FitCache(tried=list(tried), force_left=left(*fits) if kept is None else kept)
+    return Evidence(case, motion, force)
 
 
 def chosen(force: Any, base: Fit, first: list[Fit], second: Fit) -> tuple[Fit, str]:
@@ -201,7 +207,8 @@ def test_a_silent_force_witness_is_no_veto(monkeypatch):
     second = Fit(("input_delay",), (NOISE,), 1.0, white=True)
     monkeypatch.setattr(Motion, "search", lambda motion, depth, names, single: [[motion.base], [second]], raising=False)
     w = both(Motion(BASE), None)
-    assert select_model(w) == (second, "")
+    found = select_model(w)
+    assert (found.chosen, found.conflict) == (second, "")
     assert w.percent(w.left(second)) is None
 
 
@@ -242,7 +249,7 @@ def test_what_the_force_neither_sees_nor_names_it_does_not_veto():
     base, law = Fit((), (3.0,), 0.018), Fit(("gravity_load",), (NOISE,), 0.022, white=True)
     assert chosen(force_witness(*LAWS), base, [], law) == (law, "")
     found = judged(law, base, force_witness(*LAWS))
-    assert (found.verdict, found.percent) == ("missing", None)
+    assert (found.label, found.percent) == ("missing", None)
     more = Fit(("gravity_load",), (1.0,), 0.022)  # what leaves more than noise is held against the force
     assert chosen(force_witness(*LAWS), base, [], more)[0] is base
     named = force_witness(*LAWS, effects=("coulomb_friction",))  # so is everything where the force has a name
@@ -328,16 +335,36 @@ def test_the_simpler_law_that_is_as_good_is_named(rms, taken):
     assert selection.fewest(w, richer).effects == (taken,)
 
 
-def judged(final: Fit, base: Fit = BASE, force: Any = None, conflict: str = "", given: Fit | None = None) -> Verdict:
-    return Verdict(both(Motion(base, given), force, base, final), final, conflict)
+class Judged:
+    """A verdict with what both estimates measure."""
+
+    def __init__(self, w: Evidence, final: Fit, conflict: str = "") -> None:
+        self.evidence, self.values = w, verdict_of(w, Selection(final, conflict))
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.values, name)
+
+    @property
+    def sentence(self) -> str:
+        return messages.sentence(self.evidence, self.values)
+
+
+def judged(final: Fit, base: Fit = BASE, force: Any = None, conflict: str = "", given: Fit | None = None) -> Judged:
+    return Judged(both(Motion(base, given), force, base, final), final, conflict)
+
+
+def told(w: Evidence, final: Fit) -> Verdict:
+    """Return the verdict on a model that both estimates arrived at, or on the one without it."""
+    return without_untold(w, verdict_of(w, Selection(final)))
 
 
 @pytest.fixture(autouse=True)
 def no_sign_is_wrong(monkeypatch):
     monkeypatch.setattr(Dataset, "noise", property(lambda self: dict.fromkeys(self.problem.channels, NOISE)))
-    monkeypatch.setattr(verdict_module, "reversed_signal", lambda problem, base, final: "")
-    monkeypatch.setattr(verdict_module, "changing", lambda r, left, own: "")
-    monkeypatch.setattr(Verdict, "same_at_nominal", False)
+    monkeypatch.setattr(tests_module, "reversed_signal", lambda problem, base, final: "")
+    monkeypatch.setattr(tests_module, "changing", lambda r, left, own: "")
+    monkeypatch.setattr(tests_module, "structured", lambda search, fit: Curve(False, math.inf))
+    monkeypatch.setattr(ValidationTests, "same_at_nominal", lambda t: False)
 
 
 @pytest.mark.parametrize(("without", "verdict"), [(0.4, "unexplained"), (1.0, "missing")])
@@ -345,10 +372,10 @@ def test_each_of_several_laws_takes_force_away(without, verdict, monkeypatch):
     """A servo was said to lack a stop, and a viscous friction without which no more of its force was left."""
     final = Fit(("coulomb_friction", "gravity_load"), (0.5,), 0.4)
     rest = {n: Fit((n,), (1.0,), x) for n, x in (("gravity_load", without), ("coulomb_friction", 1.5))}
-    monkeypatch.setattr(Verdict, "without", lambda j, n: rest[next(m for m in final.effects if m != n)])
+    monkeypatch.setattr(ValidationTests, "without", lambda t, n: rest[next(m for m in final.effects if m != n)])
     force = force_witness(*LAWS, effects=final.effects)
     w = both(Motion(BASE), force, BASE, final, *rest.values())
-    assert Verdict(w, final).verdict == verdict
+    assert verdict_of(w, Selection(final)).label == verdict
 
 
 COULOMB = Fit(("coulomb_friction",), (0.5,), 0.4)
@@ -362,14 +389,14 @@ def test_what_both_stand_for_is_missing_though_something_is_left():
     found = judged(COULOMB, force=sees())
     assert found.evidence.sees(found.final)
     assert not found.final.white
-    assert found.verdict == "missing"
+    assert found.label == "missing"
 
 
 def test_what_is_found_with_a_far_parameter_held_at_nominal_too_is_missing(monkeypatch):
-    monkeypatch.setattr(Verdict, "same_at_nominal", True)
+    monkeypatch.setattr(ValidationTests, "same_at_nominal", lambda t: True)
     found = judged(Fit(("coulomb_friction",), (0.5,), 0.4, away={"c": -5.1}), force=sees())
-    assert found.verdict == "missing"
-    assert messages.sentence(found).startswith("Check this first: c ends 5.1 tolerances")
+    assert found.label == "missing"
+    assert found.sentence.startswith("Check this first: c ends 5.1 tolerances")
 
 
 @pytest.mark.parametrize(("force", "why"), [(0.45 * EFFORT, ""), (0.55 * EFFORT, "structure")])
@@ -377,9 +404,9 @@ def test_what_leaves_most_of_the_effort_explains_a_part(force, why):
     """A weight that was called two springs: the missing force falls from 278 % of the effort to 77.9 %."""
     base = Fit((), (3.0,), 3.0 * EFFORT)
     j = judged(Fit(("linear_stiffness",), (1.0,), force), base, force=force_witness(effects=("linear_stiffness",)))
-    assert j.unexplained == why
+    assert j.reason == why
     if why:
-        assert "explains a part" in messages.sentence(j)
+        assert "explains a part" in j.sentence
 
 
 @pytest.mark.parametrize(("rms", "why"), [(0.45, ""), (0.55, "structure")])
@@ -387,35 +414,33 @@ def test_what_leaves_most_of_an_imposed_force_explains_a_part(rms, why, monkeypa
     """A tribometer whose load cell rings: Coulomb friction left 54.7 % of the spread, of which no word was said."""
     base, final = Fit((), (SPREAD,), 1.0), Fit(("coulomb_friction",), (rms * SPREAD,), 1.0)
     monkeypatch.setattr(Dataset, "_swings", [])
-    j = Verdict(both(Motion(base, imposed=True), None, base, final), final)
-    assert j.unexplained == why
-    assert f"{j.imposed:.3g} % of the spread of the force is left" in messages.sentence(j)
+    j = Judged(both(Motion(base, imposed=True), None, base, final), final)
+    assert j.reason == why
+    assert f"{j.imposed:.3g} % of the spread of the force is left" in j.sentence
 
 
 @pytest.mark.parametrize(("percent", "times"), [(60.0, "6"), (2000.0, "over 100")])
 def test_how_far_above_the_noise_is_told_as_far_as_it_tells(percent, times):
-    seen = SimpleNamespace(noise_percent=10.0, of_effort="of the effort")
+    seen = SimpleNamespace(noise_percent=10.0, of_effort="of the effort", criteria=DEFAULT_CRITERIA)
     curve = SimpleNamespace(visible=False, percent=25.0, along="")
-    j = SimpleNamespace(
-        percent=percent, names=(), evidence=seen, final=None, flexible=curve, changing="", criteria=DEFAULT_CRITERIA
-    )
-    assert messages.remainder(j).endswith(f"of the effort, {times} times what the sensors' noise makes of it.")
+    j = SimpleNamespace(percent=percent, names=(), final=None, flexible=curve, changing="")
+    assert messages.remainder(seen, j).endswith(f"of the effort, {times} times what the sensors' noise makes of it.")
 
 
 def test_near_the_sensors_noise_what_is_left_must_be_noise():
     near = Fit(("coulomb_friction",), (0.5,), 0.4, sensors=0.4)
-    assert judged(near, force=sees()).unexplained == "structure"
-    assert judged(replace(near, white=True), force=sees()).verdict == "missing"
+    assert judged(near, force=sees()).reason == "structure"
+    assert judged(replace(near, white=True), force=sees()).label == "missing"
 
 
 def test_what_unseen_data_do_not_tell_of_is_not_stood_for_where_nothing_is_missing_without_it(monkeypatch):
     """A spring with 0.24 % of the effort left was "unexplained", for a hysteresis that one reversal does not tell."""
-    monkeypatch.setattr(Verdict, "no_better", True)
+    monkeypatch.setattr(ValidationTests, "no_better", True)
     noise, hysteresis = Fit((), (NOISE,), 0.01, white=True), Fit(("dahl_presliding",), (NOISE,), 0.01, white=True)
-    found = verdict_module.verdict_of(both(Motion(noise), sees(), noise, hysteresis), hysteresis)
-    assert (found.verdict, found.final, found.untold) == ("adequate", noise, "given")
-    found = verdict_module.verdict_of(both(Motion(BASE), None, BASE, COULOMB), COULOMB)
-    assert (found.verdict, found.final, found.untold) == ("unexplained", COULOMB, "")
+    found = told(both(Motion(noise), sees(), noise, hysteresis), hysteresis)
+    assert (found.label, found.final, found.selection.untold) == ("adequate", noise, "given")
+    found = told(both(Motion(BASE), None, BASE, COULOMB), COULOMB)
+    assert (found.label, found.final, found.selection.untold) == ("unexplained", COULOMB, "")
 
 
 @pytest.mark.parametrize(("error", "verdict"), [(0.97, "adequate"), (0.8, "missing")])
@@ -423,14 +448,14 @@ def test_a_part_of_the_sensors_noise_has_no_name(error, verdict):
     """A pendulum whose encoder has steps of a degree: a wave and an offset took 4 % of their size away."""
     noise = Fit((), (0.99 * NOISE,), 0.011)
     waves = Fit(("cogging_torque", "sensor_offset"), (error * 0.99 * NOISE,), 0.011, white=True)
-    found = verdict_module.verdict_of(both(Motion(noise), sees(), noise, waves), waves)
-    assert found.verdict == verdict
+    found = told(both(Motion(noise), sees(), noise, waves), waves)
+    assert found.label == verdict
     assert found.final is (noise if verdict == "adequate" else waves)
 
 
 def test_a_force_that_changes_along_the_record_is_told(monkeypatch):
-    monkeypatch.setattr(verdict_module, "changing", lambda r, left, own: "dry friction")
-    assert judged(COULOMB, force=sees()).unexplained == "structure"
+    monkeypatch.setattr(tests_module, "changing", lambda r, left, own: "dry friction")
+    assert judged(COULOMB, force=sees()).reason == "structure"
 
 
 @pytest.mark.parametrize(
@@ -447,8 +472,8 @@ def test_a_force_that_changes_along_the_record_is_told(monkeypatch):
 def test_why_a_record_is_not_explained(final, force, conflict, why):
     base = Fit((), (3.0, 1.0)[: len(final.rms)], 2.0)
     found = judged(final, base, force, conflict)
-    assert found.unexplained == why
-    assert found.verdict == "unexplained"
+    assert found.reason == why
+    assert found.label == "unexplained"
 
 
 SAID = {
@@ -467,24 +492,23 @@ SAID = {
 
 
 def test_every_reason_has_its_row():
-    returns = ast.walk(ast.parse(textwrap.dedent(inspect.getsource(Verdict.unexplained.func))))
+    returns = ast.walk(ast.parse(textwrap.dedent(inspect.getsource(reason_of))))
     constants = [c for r in returns if isinstance(r, ast.Return) for c in ast.walk(r) if isinstance(c, ast.Constant)]
     assert {c.value for c in constants} - {""} == set(REASONS) == set(SAID)
 
 
 @pytest.mark.parametrize("why", REASONS)
 def test_every_reason_is_told(why, monkeypatch):
-    found = {"unexplained": why, "worse": "speed", "beside_given": 1.23, "lost": ["speed"], "verdict": "unexplained"}
-    found["loop"] = "coulomb_friction" if why == "loop" else ""
-    for name, value in {**found, "reversed": "speed" if why == "reversed" else ""}.items():
-        monkeypatch.setattr(Verdict, name, value)
     monkeypatch.setattr(messages, "further", lambda case: "there it is faster.")
-    monkeypatch.setattr(messages, "why_named", lambda j, effect: "")
+    monkeypatch.setattr(messages, "why_named", lambda w, v, effect: "")
     monkeypatch.setattr(messages, "own_parameters", lambda f, effect: {})
     monkeypatch.setattr(Evidence, "row", lambda w, f, left: SimpleNamespace(validation=None))
     j = judged(COULOMB, force=sees(), conflict="they differ")
-    assert SAID[why] in messages.sentence(j)
-    assert summary._named(j, "coulomb_friction", ()).status == {"loop": "ambiguous"}.get(
+    found = {"reason": why, "worse": "speed", "beside_given": 1.23, "lost": ("speed",), "label": "unexplained"}
+    found["loop"] = "coulomb_friction" if why == "loop" else ""
+    v = replace(j.values, **found, reversed="speed" if why == "reversed" else "")
+    assert SAID[why] in messages.sentence(j.evidence, v)
+    assert summary._named(j.evidence, v, "coulomb_friction", ()).status == {"loop": "ambiguous"}.get(
         why, "rejected" if REASONS[why].rejects else "confirmed"
     )
 
@@ -501,13 +525,13 @@ def test_a_loop_that_leaves_more_than_a_quarter_of_the_effort_is_one_of_its_fami
     percent, changing, told, monkeypatch
 ):
     """Two cyclic tests were said to lack Dahl's law with 29 and 38 % of the effort left."""
-    monkeypatch.setattr(verdict_module, "changing", lambda r, left, own: changing)
+    monkeypatch.setattr(tests_module, "changing", lambda r, left, own: changing)
     monkeypatch.setattr(Dataset, "seldom", property(lambda self: False))
     base, left = Fit((), (3.0,), 0.9 * EFFORT), percent / 100.0 * EFFORT
     final = Fit(("dahl_presliding",), (0.5,), left)
     found = judged(final, base, force_witness(*LAWS, effects=final.effects))
-    assert (found.unexplained, found.loop) == (("loop", "dahl_presliding") if told else ("", ""))
-    assert told in messages.sentence(found)
+    assert (found.reason, found.loop) == (("loop", "dahl_presliding") if told else ("", ""))
+    assert told in found.sentence
 
 
 @pytest.mark.parametrize(
@@ -523,7 +547,7 @@ def test_where_the_force_does_not_tell_the_motion_must(rms, known, why, monkeypa
     squares = Fit(final.effects, (known,), 1.0).validation_squares
     monkeypatch.setattr(Fit, "training_squares", property(lambda f: squares if f is final else f.validation_squares))
     found = judged(final)
-    assert (found.verdict, found.unexplained) == ("unexplained" if why else "missing", why)
+    assert (found.label, found.reason) == ("unexplained" if why else "missing", why)
 
 
 @pytest.mark.parametrize(
@@ -536,7 +560,7 @@ def test_the_noise_of_a_sensor_does_not_gather_over_the_horizon(effect, residual
     """Coloured noise is four to six times what neighbouring samples tell of it."""
     final = Fit((effect,), (unseen,), 1.0, white=True, known=(3.5,), residual=residual)
     found = judged(final, Fit((), (6.0,), 10.0))
-    assert found.verdict == verdict, found.unexplained
+    assert found.label == verdict, found.reason
 
 
 def test_a_channel_that_gets_worse_by_what_no_table_shows_forbids_nothing():
@@ -548,8 +572,8 @@ def test_a_force_that_rises_forbids_a_name_and_is_not_told_to_fall():
     """A bench under a random current: "falls from 35.6 % to 38.6 %"."""
     found = judged(Fit(("coulomb_friction",), (0.5,), 2.4), BASE, sees())
     assert found.worse == "the missing force"
-    assert found.verdict == "unexplained"
-    assert "missing force falls" not in messages.sentence(found)
+    assert found.label == "unexplained"
+    assert "missing force falls" not in found.sentence
 
 
 @pytest.mark.parametrize(
@@ -561,19 +585,16 @@ def test_what_is_gained_beside_a_refitted_base_alone_is_nothing_gained(rms, forc
     """A gear turned by hand: refitted 0.208 N m on validation data, with Dahl's friction 0.186, as given 0.183."""
     given = Fit((), (rms,), force)
     found = judged(COULOMB, force=sees() if seen else None, given=given)
-    assert (found.unexplained == "given") is (why == "given")
+    assert (found.reason == "given") is (why == "given")
     if why:
-        assert (
-            "standard errors beside the model as given, which is too little: nothing is confirmed"
-            in messages.sentence(found)
-        )
+        assert "standard errors beside the model as given, which is too little: nothing is confirmed" in found.sentence
 
 
 @pytest.mark.parametrize(("tested", "verdict"), [(True, "adequate"), (False, "unexplained")])
 def test_a_large_force_is_noise_only_if_that_was_tested(tested, verdict):
     """Some two hundred samples of a damper, 42 % of whose force was left and "nothing was missing"."""
     final = Fit((), (5 * NOISE,), 0.42 * EFFORT, white=True, tested=tested)
-    assert judged(final, final, sees()).verdict == verdict
+    assert judged(final, final, sees()).label == verdict
 
 
 def test_a_name_that_frees_a_base_parameter_alone_says_which():
@@ -591,37 +612,37 @@ def test_noise_has_a_size_of_its_own_in_every_record():
 
 
 def test_a_sign_that_is_wrong_goes_before_everything(monkeypatch):
-    monkeypatch.setattr(verdict_module, "reversed_signal", lambda problem, base, final: "speed")
+    monkeypatch.setattr(tests_module, "reversed_signal", lambda problem, base, final: "speed")
     found = judged(COULOMB, force=sees())
-    assert found.unexplained == "reversed"
-    assert "the sign of speed reversed" in messages.sentence(found)
+    assert found.reason == "reversed"
+    assert "the sign of speed reversed" in found.sentence
 
 
 def test_noise_is_adequate_whoever_sees_it():
     noise = Fit((), (NOISE,), 0.005, white=True)
     for force in (None, force_witness(*LAWS)):
         found = judged(noise, noise, force)
-        assert found.verdict == "adequate"
+        assert found.label == "adequate"
 
 
 def test_what_follows_nothing_is_not_adequate_however_noisy_its_channel():
     """Two publishers in one channel: what they leave is as white as noise, and as large as the motion."""
     nothing = Fit((), (0.7 * SPREAD,), 0.005, white=True)
     found = judged(nothing, nothing, force_witness(*LAWS))
-    assert found.verdict == "unexplained"
-    assert messages.sentence(found).startswith("The speed fits no model")
+    assert found.label == "unexplained"
+    assert found.sentence.startswith("The speed fits no model")
 
 
 def test_a_large_force_that_nothing_takes_away_is_not_adequate():
     odd = Fit((), (3.0,), 0.1 * EFFORT)
-    assert judged(odd, odd, force_witness(*LAWS)).verdict == "unexplained"
+    assert judged(odd, odd, force_witness(*LAWS)).label == "unexplained"
 
 
 @pytest.mark.parametrize(("rms", "verdict"), [(0.04 * SPREAD, "adequate"), (0.06 * SPREAD, "unexplained")])
 def test_a_motion_that_is_followed_badly_is_not_adequate_for_its_little_force(rms, verdict):
     """A motor in steps: 2 % of the effort left, and its speed errs by ten times its sensor's noise, a tenth of it."""
     odd = Fit((), (rms,), 0.03 * EFFORT)
-    assert judged(odd, odd, force_witness(*LAWS)).verdict == verdict
+    assert judged(odd, odd, force_witness(*LAWS)).label == verdict
 
 
 # ---------------------------------------------------------------- words
@@ -631,13 +652,13 @@ def numbers(text: str) -> list[float]:
     return [float(x) for x in re.findall(r"(?<![\w.])-?\d+\.?\d*(?:e[+-]?\d+)?", text)]
 
 
-def in_the_tables(j: Verdict) -> set[str]:
+def in_the_tables(j: Judged) -> set[str]:
     """Return every number that a table of the diagnosis shows, to three digits: errors, forces, noise, tolerances."""
-    fits, motion = (j.base, j.final), j.motion
+    fits, motion = (j.base, j.final), j.evidence.motion
     rms = [float(x) for f in fits for x in np.sqrt(np.mean(f.validation_squares, axis=0))]
-    forces = [p for f in fits if (p := j.percent_of(f)) is not None]
+    forces = [p for f in fits if (p := force_percent(j.evidence, f, j.final)) is not None]
     noise = j.evidence.noise_percent
-    more = [j.case.horizon, noise, j.flexible.percent, *(abs(x) for x in j.far.values())]
+    more = [j.evidence.case.horizon, noise, j.flexible.percent, *(abs(x) for x in j.far.values())]
     assert motion.problem.channels
     return {f"{x:.3g}" for x in (*rms, *forces, *more, *(p / noise for p in forces))}
 
@@ -656,7 +677,7 @@ def in_the_tables(j: Verdict) -> set[str]:
 )
 def test_every_number_in_a_sentence_is_in_the_tables(final, force, conflict):
     j = judged(final, final if not final.effects else BASE, force, conflict)
-    said = numbers(messages.sentence(j))
+    said = numbers(j.sentence)
     shown = in_the_tables(j)
     assert [x for x in said if f"{x:.3g}" not in shown] == []
     assert said or conflict
@@ -664,7 +685,7 @@ def test_every_number_in_a_sentence_is_in_the_tables(final, force, conflict):
 
 def test_a_sentence_names_what_falls_and_by_how_much():
     j = judged(COULOMB, force=sees())
-    text = messages.sentence(j)
+    text = j.sentence
     assert text.startswith("The model lacks coulomb friction: on validation data the missing force falls from ")
     assert "the error of speed over 0.2 s from " in text
     a, b = numbers(text)[:2]
@@ -704,14 +725,12 @@ def test_what_is_as_good_stands_under_what_is_named_with_what_would_decide():
 
 def test_what_is_left_is_told_where_the_noise_of_the_force_is_not_known():
     """A current that was held: "falls from 79.2 % to 25.3 %", and no word of the 25.3 %."""
-    seen = SimpleNamespace(noise_percent=0.0, sees=lambda f: True, of_effort="of the effort")
+    seen = SimpleNamespace(noise_percent=0.0, sees=lambda f: True, of_effort="of the effort", criteria=DEFAULT_CRITERIA)
     curve = SimpleNamespace(visible=False, percent=25.0, along="")
-    j = SimpleNamespace(
-        percent=25.3, names=(), evidence=seen, final=None, flexible=curve, changing="", criteria=DEFAULT_CRITERIA
-    )
-    assert messages.remainder(j) == " What is left is 25.3 % of the effort."
+    j = SimpleNamespace(percent=25.3, names=(), final=None, flexible=curve, changing="")
+    assert messages.remainder(seen, j) == " What is left is 25.3 % of the effort."
     seen.noise_percent = 10.0
-    assert messages.remainder(j).endswith("of the effort, 2.53 times what the sensors' noise makes of it.")
+    assert messages.remainder(seen, j).endswith("of the effort, 2.53 times what the sensors' noise makes of it.")
 
 
 @pytest.mark.parametrize(
@@ -730,14 +749,13 @@ def test_why_more_than_the_sensors_noise_counts_as_noise(clean, curve, told):
     """ "Adequate: the force that is left is 2.93 % of the effort, the sensors' noise 0.796 %", and not why."""
     left = [SimpleNamespace(dependent=0.001), SimpleNamespace(dependent=0.004)]
     final = SimpleNamespace(clean=clean, left=left, errors=np.array([0.03, 0.46]))
-    seen = SimpleNamespace(noise_percent=0.796, near_noise=lambda f: False, of_effort="of the effort")
-    curve = SimpleNamespace(percent=curve)
-    shown = {"names": (), "refused": "", "asked": "", "reversed": "", "far": {}, "verdict": "adequate"}
     sensors, channels = {"current": 0.01, "speed": 0.1}, SimpleNamespace(channels=("current", "speed"))
-    shown["case"] = SimpleNamespace(horizon=0.2, problem=channels, noise=sensors)
-    j = SimpleNamespace(percent=2.93, evidence=seen, final=final, flexible=curve, **shown)
+    case = SimpleNamespace(horizon=0.2, problem=channels, noise=sensors)
+    seen = SimpleNamespace(noise_percent=0.796, near_noise=lambda f: False, of_effort="of the effort", case=case)
+    shown = {"names": (), "refused": "", "reversed": "", "far": {}, "label": "adequate", "selection": Selection(final)}
+    j = SimpleNamespace(percent=2.93, final=final, flexible=SimpleNamespace(percent=curve), **shown)
     errs = "Over 0.2 s, speed errs by 4.6 times its sensor's noise."
-    assert messages.sentence(j).endswith(f"is 2.93 % of the effort, the sensors' noise 0.796 %{told}. {errs}")
+    assert messages.sentence(seen, j).endswith(f"is 2.93 % of the effort, the sensors' noise 0.796 %{told}. {errs}")
 
 
 @pytest.mark.parametrize(("size", "differs"), [(2.0, True), (1.6, True), (1.3, False)])
@@ -763,21 +781,21 @@ def test_what_would_take_most_away_but_not_surely_is_told_with_the_number_of_its
     monkeypatch.setattr(Fit, "size", 1, raising=False)
     odd = Fit((), (3.0,), 0.1 * EFFORT)
     j = judged(odd, odd, force_witness(*LAWS))
-    j.evidence.keep(COULOMB)
-    text = messages.sentence(j)
+    j.evidence.cache.keep(COULOMB)
+    text = j.sentence
     assert ("Too little was recorded to tell what is missing: coulomb friction would" in text) is told
     assert (f"falls by {certainty:.1f} standard errors, 3.5 are asked" in text) is told
 
 
 def test_a_parameter_that_is_far_is_told_first():
     far = Fit(("coulomb_friction",), (0.5,), 0.4, away={"K_m": 45.0})
-    text = messages.sentence(judged(far, force=sees()))
+    text = judged(far, force=sees()).sentence
     assert text.startswith("Check this first: K_m ends 45.0 tolerances from its nominal value.")
     assert "The model lacks" not in text
 
 
 def test_a_curve_that_would_take_more_away_is_offered():
-    text = messages.sentence(judged(COULOMB, force=sees(structure=True, flexible=0.5)))
+    text = judged(COULOMB, force=sees(structure=True, flexible=0.5)).sentence
     assert "would leave 0.5 %" in text
     assert "add learned_force" in text
 
@@ -820,7 +838,7 @@ def with_limit(together: float, limit: float) -> Refusing:
 
 @pytest.fixture
 def any_effect(monkeypatch):
-    monkeypatch.setattr(selection, "tryable", lambda problem, name: name == "input_saturation")
+    monkeypatch.setattr(Motion, "candidates", frozenset({"input_saturation"}))
 
 
 @pytest.mark.usefixtures("any_effect")
@@ -840,12 +858,6 @@ def test_what_the_motion_does_not_need_beside_the_limit_is_not_named(limit):
     assert selection._together(both(motion, None, tried=tried), tried[0]) is None
 
 
-@pytest.fixture
-def everything_applies(monkeypatch):
-    for module in (selection, single_laws):
-        monkeypatch.setattr(module, "tryable", lambda problem, name: True)
-
-
 def alone(final: Fit, other: Fit, monkeypatch: Any) -> Fit | None:
     """Return what is stood for instead of a model where a single effect was found beside it."""
     motion = Refusing(BASE, {frozenset(other.effects): other})
@@ -857,7 +869,6 @@ def alone(final: Fit, other: Fit, monkeypatch: Any) -> Fit | None:
     return selection.alone(w, final)
 
 
-@pytest.mark.usefixtures("everything_applies")
 def test_what_alone_leaves_but_noise_explains_what_others_do_not(monkeypatch):
     whole = Fit(("bouc_wen_hysteresis",), (NOISE,), 1.0, white=True)
     part = Fit(("linear_stiffness",), (2.0,), 1.0)
@@ -868,7 +879,6 @@ def test_what_alone_leaves_but_noise_explains_what_others_do_not(monkeypatch):
     assert alone(part, replace(whole, away={"m": 6.0}), monkeypatch) is None
 
 
-@pytest.mark.usefixtures("everything_applies")
 @pytest.mark.parametrize("final", [(), ("linear_stiffness",), ("linear_stiffness", "hard_stop")])
 def test_before_nothing_or_more_than_one_is_named_every_law_is_fitted_from_all_its_starts(final, monkeypatch):
     """A winding that warms, a cubic spring, a loop that hardens had not been among the promising after a few steps."""
@@ -913,7 +923,6 @@ def test_a_limit_of_the_voltage_is_no_part_of_a_measured_current(current):
     assert not w.comparable(Fit(("torque_constant_saturation",), (1.0,), 0.5))
 
 
-@pytest.mark.usefixtures("everything_applies")
 @pytest.mark.parametrize(("share", "laws"), [(0.04, set()), (0.06, {"stribeck_friction"}), (0.001, None)])
 def test_the_motion_is_searched_for_what_the_force_does_not_rule_out(share, laws):
     """For all that there is where the force is not seen; for no law where there is little force, and none found."""
@@ -924,7 +933,6 @@ def test_the_motion_is_searched_for_what_the_force_does_not_rule_out(share, laws
     assert names is None or (set(names) & set(LAWS) == laws and {"input_delay", "sensor_offset"} <= set(names))
 
 
-@pytest.mark.usefixtures("everything_applies")
 def test_a_law_that_the_force_proposes_is_searched_for_however_little_there_is():
     force = force_witness(*LAWS, effects=("coulomb_friction",), helpful=("coulomb_friction",))
     squares = {BASE: np.full(BLOCKS, (0.04 * EFFORT) ** 2)}

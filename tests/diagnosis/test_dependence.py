@@ -10,7 +10,7 @@ from scipy.signal import butter, lfilter
 
 from signlin_ros.diagnosis import diagnose
 from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA
-from signlin_ros.diagnosis.output_error import OutputErrorEstimator
+from signlin_ros.diagnosis.output_error import FitCache, estimator_of
 from signlin_ros.fitting.prepare import held_out, prepared
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
@@ -48,7 +48,8 @@ def shaken(spring: Callable[[float], float], seed: int) -> ModelData:
 def share(record: ModelData) -> float:
     """Return the share of what the fitted model leaves that follows from its own motion."""
     model = RINGING.with_parameters({"m": 0.0442, "c": 1.76, "k": 9500.0})
-    return OutputErrorEstimator(*prepared(model, *held_out([record])), DEFAULT_CRITERIA, jobs=1).base.left[0].dependent
+    found = estimator_of(*prepared(model, *held_out([record])), DEFAULT_CRITERIA, FitCache(), jobs=1)
+    return found.base.left[0].dependent
 
 
 def test_a_right_model_leaves_what_nothing_predicts():

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from benchmarks.hidden.generator import draw, write
-from signlin_ros.diagnosis import add, diagnose
+from signlin_ros.diagnosis import add, diagnose, summary
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.evidence import Evidence
-from signlin_ros.diagnosis.output_error import CancelledError, OutputErrorEstimator, estimator, fitting
+from signlin_ros.diagnosis.output_error import FitCache, OutputErrorEstimator, estimator, estimator_of, fitting
 from signlin_ros.diagnosis.output_error.fitted import covariance
 from signlin_ros.diagnosis.output_error.score import gain
-from signlin_ros.diagnosis.output_error.trials import Trial, trials
+from signlin_ros.diagnosis.output_error.trials import Trial, trials, tryable
+from signlin_ros.diagnosis.progress import CancelledError, Progress
+from signlin_ros.effects import EFFECTS
 from signlin_ros.fitting.candidate import Candidate
 from signlin_ros.fitting.fit import evaluated
 from signlin_ros.fitting.gains import ObserverGains
@@ -43,7 +46,7 @@ def record(model: Model, seed: int, seconds: float = 16.0, channels: tuple[str, 
 
 def motion(truth: Model, base: Model | None = None, **options) -> OutputErrorEstimator:
     known, unseen = record(truth, 1, **options), record(truth, 2, **options)
-    return OutputErrorEstimator(*prepared(base or Model.from_dict(BASE), [known], [unseen]), Criteria(), jobs=1)
+    return estimator_of(*prepared(base or Model.from_dict(BASE), [known], [unseen]), Criteria(), FitCache(), jobs=1)
 
 
 COULOMB = Model.from_dict({**BASE, "effects": {"coulomb_friction": {"mu": 2.0}}})
@@ -86,7 +89,7 @@ def test_a_friction_that_is_known_but_for_a_scale_is_there():
         speed = simulate(truth, t, u[:, None], np.zeros(1)).x[:, 0] + rng.normal(0, 0.1, t.size)
         return ModelData(t, u[:, None], {"speed": speed}, None, ("voltage",), ("speed",), {"speed": "rad/s"})
 
-    estimator = OutputErrorEstimator(*prepared(base, [run(1)], [run(2)]), Criteria(), jobs=1)
+    estimator = estimator_of(*prepared(base, [run(1)], [run(2)]), Criteria(), FitCache(), jobs=1)
     found = estimator.fitted(["coulomb_friction"])
     mu = found.parameters["coulomb_friction.mu"]
     assert mu.value < 4 * mu.std
@@ -128,7 +131,7 @@ def test_an_imposed_motion_without_any_force_of_its_own():
     measured = {"displacement": displacement, "force": force}
     data = ModelData(t, v[:, None], measured, None, ("velocity",), ("displacement",), {"displacement": "m"})
     nothing = Model.from_dict({"plant": "force_element", "parameters": {"c": 0.0, "k": 0.0}})
-    found = OutputErrorEstimator(*prepared(nothing, *held_out([data])), Criteria(), jobs=1)
+    found = estimator_of(*prepared(nothing, *held_out([data])), Criteria(), FitCache(), jobs=1)
     assert found.base.parameters == {}
     both = found.fitted(["viscous_friction", "coulomb_friction"])
     assert both.parameters["viscous_friction.b"].value == pytest.approx(800.0, rel=0.02)
@@ -143,8 +146,8 @@ def test_gaps_several_records_and_missing_samples():
     cut = ModelData(
         whole.t[kept], whole.u[kept], {"displacement": holes[kept]}, None, whole.inputs, whole.states, whole.units
     )
-    found = OutputErrorEstimator(
-        *prepared(Model.from_dict(BASE), *held_out([cut, record(COULOMB, 3)])), Criteria(), jobs=1
+    found = estimator_of(
+        *prepared(Model.from_dict(BASE), *held_out([cut, record(COULOMB, 3)])), Criteria(), FitCache(), jobs=1
     )
     assert not found.refused(found.base, found.fitted(["coulomb_friction"]))
 
@@ -152,15 +155,16 @@ def test_gaps_several_records_and_missing_samples():
 def test_it_stops_when_asked():
     asked = []
     sides = prepared(Model.from_dict(BASE), *held_out([record(COULOMB, 1)]))
+    watched = Progress(lambda stage, share: asked.append(stage), lambda: len(asked) > 0)
     with pytest.raises(CancelledError):
-        OutputErrorEstimator(*sides, Criteria(), progress=asked.append, cancelled=lambda: len(asked) > 0).search(3)
+        estimator_of(*sides, Criteria(), FitCache(), watched).search(3)
     assert len(asked) == 1
 
 
 def test_criteria_are_arguments():
     found = motion(COULOMB)
     strict = replace(Criteria(), certainty=1e6)
-    found.criteria = strict
+    found = replace(found, criteria=strict)
     assert found.refused(found.base, found.fitted(["coulomb_friction"]))
 
 
@@ -170,7 +174,7 @@ def test_records_of_an_independent_program(group, index, tmp_path):
     folder = write(drawn, tmp_path)
     paths = [str(folder / f"{part}.csv") for part in ("estimation", "validation")]
     model, (known, unseen) = load_records(Model.load(folder / "model.yaml"), paths)
-    final = OutputErrorEstimator(*prepared(model, [known], [unseen]), Criteria(), jobs=1).search(3)[-1][0]
+    final = estimator_of(*prepared(model, [known], [unseen]), Criteria(), FitCache(), jobs=1).search(3)[-1][0]
     assert {*final.effects} == {*drawn.truth["hidden"]} - {"none"}
     assert final.white
 
@@ -198,6 +202,28 @@ def test_it_is_told_that_a_wave_of_few_periods_need_not_go_on():
     found = diagnose(Model.from_dict(BASE), known, unseen, jobs=1)
     assert (found.verdict, found.ranking[0].effect) == ("missing", "cogging_torque")
     assert any("periods of cogging_torque" in note for note in found.notes)
+
+
+def test_every_effect_that_may_be_missing_has_a_row_whatever_was_searched():
+    known, unseen = record(COULOMB, 1), record(COULOMB, 2)
+    found = diagnose(Model.from_dict(BASE), known, unseen, jobs=1)
+    problem, _ = prepared(Model.from_dict(BASE), [known], [unseen])
+    rows = {entry.effect: entry for entry in found.ranking}
+    assert {n for n in EFFECTS if tryable(problem, n)} <= set(rows)
+    assert rows["input_delay"].why == "not fitted: coulomb friction leaves nothing but noise"  # no force shows it
+    assert {n for n, entry in rows.items() if entry.status == "confirmed"} == {"coulomb_friction"}
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_row_is_of_the_best_fit_of_its_effect_in_whatever_order_they_were_made(turned):
+    fits = {
+        ("sensor_offset.speed",): SimpleNamespace(effects=("sensor_offset",), level=2.0),
+        ("sensor_offset.position",): SimpleNamespace(effects=("sensor_offset",), level=1.0),
+        ("backlash", "drag"): SimpleNamespace(effects=("backlash", "drag"), level=0.0),
+    }
+    best = dict(reversed(fits.items())) if turned else fits
+    found = summary._fitted_alone(Evidence(None, SimpleNamespace(cache=FitCache(best=best)), None))
+    assert found == {"sensor_offset": fits[("sensor_offset.position",)]}
 
 
 def test_of_what_nothing_is_known_the_error_is_huge():
@@ -235,7 +261,8 @@ def test_what_the_force_found_of_a_law_is_a_start_beside_the_others(monkeypatch)
         assert fitting.climbed(estimator.short, of, one) is None
         return set(tried)
 
-    alone, estimator.from_equation_error = starts(trial), {"coulomb_friction": {"mu": 5.0}}
+    alone = starts(trial)
+    estimator = replace(estimator, starts={"coulomb_friction": {"mu": 5.0}})
     assert 0.1 in alone
     from_equation_error = starts(estimator._heard(trial))
     assert {0.1, 5.0} <= from_equation_error

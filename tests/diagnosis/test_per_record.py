@@ -7,7 +7,7 @@ import pytest
 
 from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA
 from signlin_ros.diagnosis.dataset import dataset_of
-from signlin_ros.diagnosis.output_error import OutputErrorEstimator
+from signlin_ros.diagnosis.output_error import FitCache, estimator_of
 from signlin_ros.diagnosis.verbs import add
 from signlin_ros.errors import ModelError
 from signlin_ros.fitting.candidate import candidate
@@ -55,7 +55,7 @@ def measured():
 
 def test_own_values_are_found_beside_what_is_shared(measured):
     prepared_records = dataset_of(mass(["constant_load.F0"], c=3.6), measured)
-    base = OutputErrorEstimator(prepared_records.problem, prepared_records.unseen, DEFAULT_CRITERIA, jobs=1).base
+    base = estimator_of(prepared_records.problem, prepared_records.unseen, DEFAULT_CRITERIA, FitCache(), jobs=1).base
     for i, offset in enumerate(OFFSETS, 1):
         found = base.parameters[f"constant_load.F0@{i}"]
         assert found.note == f"of run{i}.csv"
@@ -82,9 +82,9 @@ def test_derivatives_to_own_values_are_those_of_the_objective(measured):
 def test_what_a_validation_record_has_of_its_own_is_fitted_to_it(measured):
     model = mass(["constant_load.F0"])
     prepared_records = dataset_of(model, measured[:2], [measured[2]])
-    base = OutputErrorEstimator(prepared_records.problem, prepared_records.unseen, DEFAULT_CRITERIA, jobs=1).base
+    base = estimator_of(prepared_records.problem, prepared_records.unseen, DEFAULT_CRITERIA, FitCache(), jobs=1).base
     shared = dataset_of(mass(), measured[:2], [measured[2]])
-    other = OutputErrorEstimator(shared.problem, shared.unseen, DEFAULT_CRITERIA, jobs=1).base
+    other = estimator_of(shared.problem, shared.unseen, DEFAULT_CRITERIA, FitCache(), jobs=1).base
     assert np.all(base.errors < 2.0 * base.noise)
     assert np.any(other.errors > 1.5 * base.errors)
 

@@ -108,5 +108,5 @@ def test_a_servo_is_judged_by_what_explains_other_motions_too():
     names = [f"xl330_kp400_{motion}" for motion in ("lift_and_drop", "sin_time_square", "sin_sin", "up_and_down")]
     found, unseen = diagnosed(Model.load("xl330"), "xl330", names[:3], names[3])
     assert found.ladder[-1].effects == ("load_dependent_friction",)
-    before, after = (over(m, unseen, 0.2) for m in (found.findings.steps[0].model, found.model))
+    before, after = (over(m, unseen, 0.2) for m in (found.findings.refitted, found.model))
     assert after < 0.7 * before

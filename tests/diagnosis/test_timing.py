@@ -10,7 +10,8 @@ import pytest
 
 from signlin_ros.diagnosis import diagnose
 from signlin_ros.diagnosis.comparison import compare
-from signlin_ros.diagnosis.output_error import CancelledError, OutputErrorEstimator
+from signlin_ros.diagnosis.output_error import OutputErrorEstimator
+from signlin_ros.diagnosis.progress import CancelledError
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from tests.diagnosis.test_traps import SMALL, proposed, recorded

@@ -11,7 +11,7 @@ import yaml
 from benchmarks.hidden.drives import CHANNELS, INPUT, MASS, MOTOR, Drive, excite
 from benchmarks.hidden.generator import draw, simulate, write
 from benchmarks.hidden.laws import STEP
-from signlin_ros.diagnosis import add, diagnose, messages
+from signlin_ros.diagnosis import add, diagnose
 from signlin_ros.effects.bouc_wen_hysteresis import BoucWenHysteresis
 from signlin_ros.errors import RecordError, SimulationError
 from signlin_ros.fitting.problem import prepare
@@ -163,7 +163,7 @@ def test_of_what_is_outside_the_catalogue_a_part_may_be_named_and_the_rest_is_to
     model, data, unseen = recorded(tmp_path, SMALL, law)
     found = diagnose(model, data, unseen)
     assert proposed(found) <= {"viscous_friction"}  # its mean over the way, which is really there
-    assert "What is left is" in messages.remainder(found.findings)
+    assert "What is left is" in found.sentence
     assert all(status(found, effect) in ("confirmed", "ambiguous") for effect in proposed(found))
     assert set(found.model.effects) == proposed(found)
 

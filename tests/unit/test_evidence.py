@@ -7,10 +7,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from signlin_ros.diagnosis import add
+from signlin_ros.diagnosis.effect_evidence import _unexplained
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.report.diagnosis_pictures import evidence_picture
-from signlin_ros.report.evidence import _unexplained, effect_evidence
 from signlin_ros.simulation import simulate
 
 pytestmark = pytest.mark.slow
@@ -34,7 +34,7 @@ def recorded(model, seed, channels=None, seconds=12, size=3.0):
 def shown(effect, channels=None, seconds=12, size=3.0, **parameters):
     true = MASS.with_effect(effect, **parameters)
     found = add(effect, MASS, *([recorded(true, k, channels, seconds, size)] for k in (1, 2)), jobs=1)
-    return effect_evidence(found.findings, effect)
+    return found.findings.effects.get(effect)
 
 
 def off(explanation):

@@ -15,8 +15,8 @@ import yaml
 from signlin_ros import cli
 from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA
 from signlin_ros.diagnosis.dataset import dataset_of
-from signlin_ros.diagnosis.output_error import OutputErrorEstimator
-from signlin_ros.diagnosis.output_error.execution import CancelledError
+from signlin_ros.diagnosis.output_error import FitCache, estimator_of
+from signlin_ros.diagnosis.progress import CancelledError
 from signlin_ros.diagnosis.rivals import rival
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import InputError
@@ -184,7 +184,7 @@ def tie(one_way):
     """What the JSON of a diagnosis of the first record tells of a tie, and the record."""
     model, data, _ = load_sides(Model.load(one_way / "model.yaml"), [one_way / "first.csv"], ())
     made = dataset_of(model, data)
-    motion = OutputErrorEstimator(made.problem, made.unseen, DEFAULT_CRITERIA, 1)
+    motion = estimator_of(made.problem, made.unseen, DEFAULT_CRITERIA, FitCache(), jobs=1)
     rivals = [rival(motion.fitted([name])).to_json() for name in ("coulomb_friction", "constant_load")]
     content = {"ranking": [], "ladder": [{"effects": ["coulomb_friction"]}], "rivals": rivals}
     return content | {"given_model": made.model.to_yaml(), "data": ["first.csv"]}, data

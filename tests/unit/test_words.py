@@ -7,12 +7,13 @@ from types import SimpleNamespace
 import pytest
 
 from signlin_ros.diagnosis.evidence import Evidence
+from signlin_ros.diagnosis.findings import nearest
 from signlin_ros.diagnosis.messages import shown
+from signlin_ros.diagnosis.output_error import FitCache
 from signlin_ros.diagnosis.proposal import _origin
 from signlin_ros.diagnosis.results import ParameterEstimate
 from signlin_ros.model import Model
 from signlin_ros.model.numbers import numbers
-from signlin_ros.report.evidence import nearest
 
 AXIS = Model.from_dict(
     {
@@ -95,5 +96,5 @@ def test_a_doubtful_fault_of_a_sensor_is_told_with_its_error():
 )
 def test_the_nearest_is_the_best_single_effect_that_was_fitted_out(tried, best):
     fits = [SimpleNamespace(effects=effects, level=level) for effects, level in tried.items()]
-    found = nearest(SimpleNamespace(evidence=Evidence(None, None, None, fits)))
+    found = nearest(Evidence(None, SimpleNamespace(cache=FitCache(tried=fits)), None))
     assert (found and found.effects[0]) == best

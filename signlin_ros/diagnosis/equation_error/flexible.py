@@ -140,7 +140,7 @@ def _along_the_way(search: SubsetSearch, left: Array) -> tuple[Columns | None, l
     """Return the waves of forces that repeat along the way, at the orders at which what is left (K,) of training data
     does most, and what each is; None where the position was not measured, or travels too little.
     """
-    known, unit = search.r.known, search.r.model.plant.position_unit
+    known, plant = search.r.known, search.r.model.plant
     measured = all(p.position_measured for p in known.pieces)
     waves = [
         (name, N)
@@ -152,6 +152,7 @@ def _along_the_way(search: SubsetSearch, left: Array) -> tuple[Columns | None, l
         waving = [FORCES[n](piece) * f(N * piece.q) for n, N in waves for f in (np.sin, np.cos)]
         return piece.seen(np.column_stack(waving))
 
+    unit = plant.position_unit
     often = [f"{N:g} times a turn" if search.whole else f"every {2 * np.pi / N:.3g} {unit}" for _, N in waves]
     return columns if waves else None, [f"{n} that repeats {how}" for (n, _), how in zip(waves, often, strict=True)]
 

@@ -89,7 +89,7 @@ class Decisions:
         """Return how far from its zero a force over a position that nobody measured starts, if records never go as
         far: any load is one then.
         """
-        problem, place = self.problem, self.problem.base.plant.position
+        problem, place = self.problem, self.problem.plant.position
         steady = any(EFFECTS[use.type].periodic for use in f.added.values())
         if steady or depends_on_place(problem.base.structure) or not depends_on_place(f.model.structure):
             return ""

@@ -7,15 +7,17 @@ from __future__ import annotations
 import functools
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
 from operator import attrgetter
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.criteria import Criteria
+from signlin_ros.diagnosis.output_error.cache import FitCache
 from signlin_ros.diagnosis.output_error.decisions import Decisions
-from signlin_ros.diagnosis.output_error.execution import Execution, Progress
 from signlin_ros.diagnosis.output_error.fitted import FittedModel, coordinates_of, covariances, estimates
 from signlin_ros.diagnosis.output_error.fitting import (
     MAX_STARTS,
@@ -33,7 +35,8 @@ from signlin_ros.diagnosis.output_error.fitting import (
 )
 from signlin_ros.diagnosis.output_error.residual import left
 from signlin_ros.diagnosis.output_error.score import level, windowed
-from signlin_ros.diagnosis.output_error.trials import CandidateParts, Trial, completed, rescanned, trials
+from signlin_ros.diagnosis.output_error.trials import CandidateParts, Trial, completed, rescanned, trials, tryable
+from signlin_ros.diagnosis.progress import Progress
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import SimulationError
 from signlin_ros.fitting.candidate import Candidate, candidate
@@ -50,72 +53,58 @@ BEAM = 2
 Array = NDArray[np.float64]
 
 
-class OutputErrorEstimator(Decisions, Execution):
-    """Fits of a model, with effects added, to the training data, and their errors on the unseen ones.
+@dataclass(frozen=True, eq=False)
+class OutputErrorEstimator(Decisions):
+    """Fits of a model, with effects added, to the training data, and their errors on the validation data.
 
-    ``problem``, ``unseen``: the records, prepared; ``short``: what is fitted to, stretches where records are long.
-    ``from_equation_error``: values of effects that the equation-error estimate found, one by one; ``searched``:
-    effects tried on top of others.
+    ``problem``, ``unseen``: both, prepared; ``short``: what is fitted to, stretches where records are long. ``cache``:
+    the memo of all fits, with that of the base model (`estimator_of`). ``starts``: values by effect that the
+    equation-error estimate found, one by one; ``jobs``: threads.
     """
 
-    def __init__(
-        self,
-        problem: Problem,
-        unseen: Problem,
-        criteria: Criteria,
-        jobs: int | None = None,
-        progress: Progress | None = None,
-        cancelled: Callable[[], bool] | None = None,
-        seen: Callable[[FittedModel], None] | None = None,
-    ) -> None:
-        """Fit the model as given; ``seen`` is called with every fit that is the best of its effects by then."""
-        self.problem, self.unseen, self.criteria = problem, unseen, criteria
-        self.short = stretched(problem)
-        super().__init__(jobs or min(os.cpu_count() or 1, 2), progress, cancelled)
-        self._seen = seen or (lambda f: None)
-        self._best: dict[tuple[str, ...], FittedModel] = {}
-        self._followed: dict[tuple[str, ...], Fit | None] = {}
-        self._asked: list[tuple[tuple[tuple[str, ...], Model | None], FittedModel]] = []
-        self.from_equation_error: dict[str, dict[str, float]] = {}
-        self.searched: dict[tuple[str, ...], set[str]] = {}
-        self.say("base model")
-        found = self._settled(candidate(problem, problem.base, ()), None)
-        if found is None:
-            step = problem.scale.step
-            apart = f"the model diverges on these records: the samples are {step:.3g} s apart{unit_asked(step)}"
-            raise SimulationError(f"{problem.base.source}: {apart}")
-        self._keep(found)
+    problem: Problem
+    unseen: Problem
+    short: Problem
+    criteria: Criteria
+    cache: FitCache
+    progress: Progress = field(default_factory=Progress)
+    jobs: int = 1
+    starts: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    as_given: FittedModel | None = None
 
-    def holding(self, values: Mapping[str, float], told: bool = False) -> OutputErrorEstimator:
-        """Return the same estimate, of the same model as given, with parameters held; ``told``: of what it fits,
-        too.
-        """
+    def holding(self, values: Mapping[str, float], progress: Progress | None = None) -> OutputErrorEstimator:
+        """Return the same estimate, of the same model as given, with parameters held."""
         base = self.problem.base.with_parameters(values)
         held = base.with_options(frozen=tuple(dict.fromkeys((*base.frozen, *values))))
         known, unseen = (replace(side, base=held) for side in (self.problem, self.unseen))
-        found = self._with_problems(known, unseen, self._seen if told else None)
-        found.given = self.given
-        return found
-
-    def refer_to_given(self) -> None:
-        """Take the model as given for the best of its class."""
-        self._best[()] = self.as_it_is(self.given.model)
+        return replace(self._with_problems(known, unseen, progress), as_given=self.given)
 
     def acting(self, hold: str | float) -> OutputErrorEstimator:
         """Return the same estimate with inputs that act as a model's ``input_hold`` may say."""
         return self._with_problems(self.problem.acting(hold), self.unseen.acting(hold))
 
-    def _with_problems(
-        self, known: Problem, unseen: Problem, seen: Callable[[FittedModel], None] | None = None
-    ) -> OutputErrorEstimator:
-        return OutputErrorEstimator(known, unseen, self.criteria, self.jobs, self._tell, self._cancelled, seen)
+    def _with_problems(self, known: Problem, unseen: Problem, progress: Progress | None = None) -> OutputErrorEstimator:
+        watched = progress or self.progress.without_seen()
+        return estimator_of(known, unseen, self.criteria, FitCache(), watched, self.jobs)
+
+    def referring_to_given(self) -> OutputErrorEstimator:
+        """Return the same estimate with the model as given for the best of its class."""
+        base = self.as_it_is(self.given.model)
+        return replace(self, cache=replace(self.cache, best={**self.cache.best, (): base}))
+
+    def each(self, do: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:
+        """Do a thing to each, side by side."""
+        if self.jobs == 1 or len(items) < 2:
+            return [do(item) for item in items]
+        with ThreadPoolExecutor(self.jobs) as pool:
+            return list(pool.map(do, items))
 
     # ------------------------------------------------------------ fits
 
     @property
     def base(self) -> FittedModel:
         """The best fit of the model as given."""
-        return self._best[()]
+        return self.cache.best[()]
 
     @property
     def own_values(self) -> dict[str, dict[str, float]]:
@@ -129,23 +118,28 @@ class OutputErrorEstimator(Decisions, Execution):
     @functools.cached_property
     def given(self) -> FittedModel:
         """The model as given."""
-        return self.as_it_is(self.problem.base)
+        return self.as_given or self.as_it_is(self.problem.base)
+
+    @functools.cached_property
+    def candidates(self) -> frozenset[str]:
+        """The effects that can be tried by themselves on these records."""
+        return frozenset(n for n in EFFECTS if tryable(self.problem, n))
 
     def best(self, f: FittedModel) -> FittedModel:
         """Return the best fit of a model that is known by now: a larger one may have shown the way out of a minimum."""
-        return self._best[f.kind]
+        return self.cache.best[f.kind]
 
     def _settled(self, c: Candidate, *starts: Array | None) -> Minimum | None:
-        return settled(self.short, c, starts, self.check)
+        return settled(self.short, c, starts, self.progress.check)
 
     def _keep(self, found: Minimum) -> FittedModel:
         """Return a fit with all that is told of it, or the best of its class, if that is another one."""
         mine = self._told(found.fit, found.low)
-        known = self._best.get(mine.kind)
+        known = self.cache.best.get(mine.kind)
         if known is None or self._level(mine.training_squares) < self._level(known.training_squares):
-            self._best[mine.kind] = mine
-            self._seen(mine)
-        return self._best[mine.kind]
+            self.cache.best[mine.kind] = mine
+            self.progress.seen(mine)
+        return self.cache.best[mine.kind]
 
     def _told(self, f: Fit, low: Fit) -> FittedModel:
         """Return a fit with all that is told of it: errors are `_windows`, what is left is that of ``low``."""
@@ -191,7 +185,7 @@ class OutputErrorEstimator(Decisions, Execution):
         of them; else from those that a scan finds, one effect after the other, each from what ``start`` has of it.
         """
         asked = (tuple(effects), start)
-        known = next((f for one, f in self._asked if one == asked), None)
+        known = next((f for one, f in self.cache.asked if one == asked), None)
         if known:
             return self.best(known)
         has = {use.type for use in start.effects.values()} if start else set()
@@ -200,7 +194,7 @@ class OutputErrorEstimator(Decisions, Execution):
             found = self.base
             for name in effects:
                 found = self._with(found, [t.given(self.problem, start) for t in trials(self.problem, [name])])
-        self._asked.append((asked, found))
+        self.cache.asked.append((asked, found))
         return found
 
     def stated(self, effects: Sequence[str], model: Model) -> FittedModel | None:
@@ -278,17 +272,17 @@ class OutputErrorEstimator(Decisions, Execution):
         return found
 
     def _climbed(self, before: Fit, trial: Trial, few: int = MAX_STARTS, on: int = 0) -> Fit | None:
-        self.check()
+        self.progress.check()
         return climbed(self.short, before, rescanned(self.short, trial, before), few, on)
 
     def _thorough(self, before: Fit, trial: Trial) -> Fit | None:
         """Return the best fit of one more effect from all its starts (some, where it has many minima), gone on with."""
         key = (*before.candidate.label, trial.name, trial.channel)
-        if key not in self._followed:
-            self._followed[key] = self._climbed(
+        if key not in self.cache.climbed:
+            self.cache.climbed[key] = self._climbed(
                 before, trial, MAX_STARTS if trial.effect.rugged else len(trial.starts), ON
             )
-        return self._followed[key]
+        return self.cache.climbed[key]
 
     def _all_finished(self, of: FittedModel, fits: Sequence[Fit]) -> list[FittedModel]:
         """Return promising fits gone on with to the end, also from the base parameters of what they extend, and that
@@ -322,7 +316,7 @@ class OutputErrorEstimator(Decisions, Execution):
         it from one of these that is better without the effect: a larger model follows what it was fitted to as well.
         """
         mine, c = self._keep(found), found.fit.candidate
-        for other in list(self._best.values()):
+        for other in list(self.cache.best.values()):
             one = other.fit.candidate
             if not set(one.label) < set(c.label) or len(c.label) != len(one.label) + 1:
                 continue
@@ -355,12 +349,12 @@ class OutputErrorEstimator(Decisions, Execution):
         comes near a ``rival`` that is as good. ``share``: from all starts, what gains this much of the best's gain.
         """
         options = [self._heard(t) for t in trials(self.problem, names) if t.name not in of.effects]
-        self.searched.setdefault(of.effects, set()).update(t.name for t in options)
-        self.say(f"{len(options)} effects on top of {', '.join(of.effects) or 'the base model'}")
+        self.cache.searched.setdefault(of.effects, set()).update(t.name for t in options)
+        self.progress.say(f"{len(options)} effects on top of {', '.join(of.effects) or 'the base model'}")
         climb = self._climbed if share is None else self._thorough
         fits = [f for f in self.each(lambda t: climb(of.fit, t), options) if f]
         kept = promising(self.short, of.fit, fits, rival.fit if rival else None, share)
-        self.say(f"fitting {len(kept)} of them to the end")
+        self.progress.say(f"fitting {len(kept)} of them to the end")
         found = self._all_finished(of, kept)
         if not names and found and not min(found, key=attrgetter("level")).white:
             found += self._all_finished(of, self._richer(of, found, options))
@@ -369,7 +363,7 @@ class OutputErrorEstimator(Decisions, Execution):
 
     def _heard(self, trial: Trial) -> Trial:
         """Return a trial that starts from what the equation-error estimate found of its effect, too."""
-        values = self.from_equation_error.get(trial.name)
+        values = self.starts.get(trial.name)
         if not values:
             return trial
         return replace(trial, starts=(completed(self.problem, trial.effect, values), *trial.starts))
@@ -405,7 +399,7 @@ class OutputErrorEstimator(Decisions, Execution):
     def bred(self, of: FittedModel, names: Sequence[str] | None = None) -> list[FittedModel]:
         """Return what can be added of the effects that have many local minima, from the best of all their starts."""
         options = [t for t in trials(self.problem, names) if t.effect.rugged and t.name not in of.effects]
-        self.say("effects with many local minima")
+        self.progress.say("effects with many local minima")
         fits = [bred(self.short, self.best(of).fit, t, self.each) for t in options]
         return self._all_finished(of, [f for f in fits if f])
 
@@ -444,4 +438,30 @@ class OutputErrorEstimator(Decisions, Execution):
         return path
 
 
-__all__ = ["OutputErrorEstimator"]
+def estimator_of(
+    problem: Problem,
+    unseen: Problem,
+    criteria: Criteria,
+    cache: FitCache,
+    progress: Progress | None = None,
+    jobs: int | None = None,
+) -> OutputErrorEstimator:
+    """Fit the base model into a cache, and return the estimator of what may be added to it.
+
+    ``problem``, ``unseen``: training and validation data; ``jobs``: threads, by default one for each of two processors.
+    Raises `SimulationError` where the base model diverges on the training data.
+    """
+    watched = progress or Progress()
+    threads = jobs or min(os.cpu_count() or 1, 2)
+    found = OutputErrorEstimator(problem, unseen, stretched(problem), criteria, cache, watched, threads)
+    watched.say("base model")
+    base = found._settled(candidate(problem, problem.base, ()), None)
+    if base is None:
+        step = problem.scale.step
+        apart = f"the model diverges on these records: the samples are {step:.3g} s apart{unit_asked(step)}"
+        raise SimulationError(f"{problem.base.source}: {apart}")
+    found._keep(base)
+    return found
+
+
+__all__ = ["OutputErrorEstimator", "estimator_of"]

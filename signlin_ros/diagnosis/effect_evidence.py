@@ -10,15 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.evidence import changes_effort
+from signlin_ros.comparison.bands import MIN_BIN_SAMPLES, Band, band, memory
+from signlin_ros.comparison.waves import FULL_TURN, Spectrum, Wave, folded, spectrum, waves_of
+from signlin_ros.diagnosis.evidence import Evidence, changes_effort
 from signlin_ros.diagnosis.messages import own_parameters
 from signlin_ros.diagnosis.output_error import FittedModel
 from signlin_ros.diagnosis.results import ParameterEstimate
-from signlin_ros.diagnosis.verdict import Verdict
 from signlin_ros.effects import find_effect
 from signlin_ros.recording.trace import resolve_unit
-from signlin_ros.report.curves import MIN_BIN_SAMPLES, Band, band, memory
-from signlin_ros.report.waves import FULL_TURN, Spectrum, Wave, folded, spectrum, waves_of
 
 Array = NDArray[np.float64]
 
@@ -90,49 +89,44 @@ class EffectEvidence:
     spectrum: Spectrum | None = None
 
 
-def effect_evidence(f: Verdict, effect: str, within: FittedModel | None = None) -> EffectEvidence | None:
-    """Return the evidence for an effect of the proposal (or of ``within``); None where no force shows it."""
-    fitted, force = within or f.final, f.evidence.force
+def effect_evidence(w: Evidence, fitted: FittedModel, effect: str) -> EffectEvidence | None:
+    """Return the evidence for an effect of a fitted model; None where no force shows it."""
+    force = w.force
     if force is None or changes_effort(find_effect(effect, "effects")):
         return None
-    measured, computed = _lacking(f, fitted, effect)
+    measured, computed = _lacking(w, fitted, effect)
     waves = waves_of(fitted.model, effect)
-    place = _place(f, computed, waves)
-    named = _explanation(f, fitted, effect, place, measured, computed)
+    place = _place(w, computed, waves)
+    named = _explanation(fitted, effect, place, measured, computed)
     if named is None:
         return None
-    plant = f.case.problem.base.plant
-    unit = f.case.problem.shown(resolve_unit("F", plant))
-    sources = tuple(dict.fromkeys(s.source for s in f.case.unseen.segments))
+    plant = w.case.plant
+    unit = w.case.problem.shown(resolve_unit("F", plant))
+    sources = tuple(dict.fromkeys(s.source for s in w.case.unseen.segments))
     cutoff = force.search.r.unseen.pieces[0].cutoff
     quantity = "missing torque" if unit == "N·m" else "missing force"
     rows = None
-    if place.kept is not None and _turns(f):
-        rows = spectrum(_at(f, plant.position)[place.kept], named.measured, named.measured - named.computed, waves)
+    if place.kept is not None and _turns(w):
+        rows = spectrum(_at(w, plant.position)[place.kept], named.measured, named.measured - named.computed, waves)
     return EffectEvidence(
-        quantity, unit, place, cutoff, sources, named, _rival(f, fitted, effect, place), tuple(waves), rows
+        quantity, unit, place, cutoff, sources, named, _rival(w, fitted, effect, place), tuple(waves), rows
     )
 
 
-def nearest(f: Verdict) -> FittedModel | None:
-    """Return the best single effect that was fitted out, named or not."""
-    return min(f.evidence.single, key=lambda one: one.level, default=None)
-
-
-def _lacking(f: Verdict, fitted: FittedModel, effect: str) -> tuple[Array, Array]:
+def _lacking(w: Evidence, fitted: FittedModel, effect: str) -> tuple[Array, Array]:
     """Return the force (N,) that is missing without an effect, and what the effect makes of it, on validation data."""
-    force = f.evidence.force
+    force = w.force
     assert force is not None  # noqa: S101  asked before
     less = fitted.model
-    for key in [k for k, use in less.effects.items() if use.type == effect and k not in f.case.problem.base.effects]:
+    for key in [k for k, use in less.effects.items() if use.type == effect and k not in w.case.problem.base.effects]:
         less = less.without_effect(key)
     without, with_it = (force.search.r.unseen.missing(m) for m in (less, fitted.model))
     return without, without - with_it
 
 
-def _at(f: Verdict, name: str) -> Array:
+def _at(w: Evidence, name: str) -> Array:
     """Return a coordinate (N,) where forces are told, on validation data."""
-    force = f.evidence.force
+    force = w.force
     assert force is not None  # noqa: S101  asked before
     return np.concatenate([p.values[name][p.kept] for p in force.search.r.unseen.pieces])
 
@@ -143,22 +137,22 @@ def _passing(velocity: Array, wave: Wave, cutoff: float) -> NDArray[np.bool_]:
     return slow if np.count_nonzero(slow) >= 3 * MIN_SHOWN_SAMPLES else np.ones(velocity.size, dtype=np.bool_)
 
 
-def _turns(f: Verdict) -> bool:
+def _turns(w: Evidence) -> bool:
     """Tell whether the axis turns: then waves have whole orders."""
-    return f.case.problem.shown(resolve_unit("Q", f.case.problem.base.plant)) == "rad"
+    return w.case.problem.shown(resolve_unit("Q", w.case.plant)) == "rad"
 
 
-def _place(f: Verdict, computed: Array, waves: Sequence[Wave] = ()) -> Place:
+def _place(w: Evidence, computed: Array, waves: Sequence[Wave] = ()) -> Place:
     """Return the coordinate over which a force is most nearly a curve, for each direction of motion; of one that
     repeats the position within a period of its strongest wave.
     """
-    force, plant = f.evidence.force, f.case.problem.base.plant
+    force, plant = w.force, w.case.plant
     assert force is not None  # noqa: S101  asked before
     parts = force.search.r.unseen.pieces
-    velocity, position = _at(f, plant.velocity), _at(f, plant.position)
+    velocity, position = _at(w, plant.velocity), _at(w, plant.position)
     if waves:
         kept = _passing(velocity, waves[0], parts[0].cutoff)
-        x, turns = folded(position[kept], waves[0].order), _turns(f)
+        x, turns = folded(position[kept], waves[0].order), _turns(w)
         name = (
             f"{plant.position} within 1/{waves[0].order:.4g} of a turn"
             if turns
@@ -173,7 +167,7 @@ def _place(f: Verdict, computed: Array, waves: Sequence[Wave] = ()) -> Place:
         t = np.concatenate([p.t[p.kept] + end for p, end in zip(parts, ends, strict=False)])
         return Place("time", "s", t, np.zeros(t.size), True, False)
     x = velocity if best == plant.velocity else position
-    quantity, problem = "Q/s" if best == plant.velocity else "Q", f.case.problem
+    quantity, problem = "Q/s" if best == plant.velocity else "Q", w.case.problem
     unit = problem.shown(problem.units.get(best) or resolve_unit(quantity, plant))
     return Place(best, unit, x, side, False, best == plant.velocity)
 
@@ -187,40 +181,40 @@ def _unexplained(x: Array, side: Array, values: Array) -> float:
     return float(np.var(values - mean[index]) / max(float(np.var(values)), 1e-300))
 
 
-def _rival(f: Verdict, fitted: FittedModel, effect: str, place: Place) -> Explanation | None:
+def _rival(w: Evidence, fitted: FittedModel, effect: str, place: Place) -> Explanation | None:
     """Return the explanation of the best other effect in place of one; where there is none, what is left without it."""
     rest = set(fitted.effects) - {effect}
     options = [
         one
-        for one in f.evidence.tried
+        for one in w.cache.tried
         if rest < set(one.effects) and len(one.effects) == len(fitted.effects) and effect not in one.effects
     ]
-    best = min(options, key=lambda one: one.level, default=None) or _by_force(f, rest, effect)
+    best = min(options, key=lambda one: one.level, default=None) or _by_force(w, rest, effect)
     if best is None:
         return None
     (other,) = set(best.effects) - rest
     if changes_effort(find_effect(other, "effects")):
         return None
-    return _explanation(f, best, other, place, *_lacking(f, best, other))
+    return _explanation(best, other, place, *_lacking(w, best, other))
 
 
-def _by_force(f: Verdict, rest: set[str], effect: str) -> FittedModel | None:
+def _by_force(w: Evidence, rest: set[str], effect: str) -> FittedModel | None:
     """Return the best other effect in place of one as the equation-error estimate fitted it, if none was worth a
     simulation.
     """
-    force = f.evidence.force
+    force = w.force
     if force is None:
         return None
     sets = [m for m in force.search.models.values() if rest < m.names and len(m.names) == len(rest) + 1]
     for m in sorted((m for m in sets if effect not in m.names), key=lambda m: m.error):
-        found = f.motion.stated([n for n, _ in m.members], force.with_laws(m))
+        found = w.motion.stated([n for n, _ in m.members], force.with_laws(m))
         if found is not None and np.mean(force.residual_as_written(found.model)) < force.search.base.error:
             return found  # as it is written: a stiff law may be no more than its column
     return None
 
 
 def _explanation(
-    f: Verdict, fitted: FittedModel, effect: str, place: Place, measured: Array, computed: Array
+    fitted: FittedModel, effect: str, place: Place, measured: Array, computed: Array
 ) -> Explanation | None:
     """Return what is missing and what an effect makes of it; None where the record has too little of it."""
     if place.kept is not None:
@@ -240,4 +234,4 @@ def _bands(place: Place, values: Array, sides: Sequence[NDArray[np.bool_]], bloc
     return tuple(band(place.x[s], values[s], block, bins, place.dense) for s, bins in rows)
 
 
-__all__ = ["EffectEvidence", "Explanation", "Place", "effect_evidence", "nearest"]
+__all__ = ["EffectEvidence", "Explanation", "Place", "effect_evidence"]

@@ -1,0 +1,42 @@
+"""The memo of a diagnosis: what was fitted once is not fitted again. It is the one thing in it that changes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.diagnosis.output_error.fitted import FittedModel
+from signlin_ros.fitting.fit import Fit
+from signlin_ros.model import Model
+
+Kind = tuple[str, ...]
+Asked = tuple[tuple[str, ...], Model | None]
+
+
+@dataclass(eq=False)
+class FitCache:
+    """Fits of one problem, by what they are of.
+
+    best : the fit of the least training error by then, by the keys of its effects (`FittedModel.kind`).
+    climbed : a fit of one more effect from all its starts, None where it diverged; by all keys and the channel.
+    asked : what `OutputErrorEstimator.fitted` returned, by effects and start.
+    tried : the models that a selection weighed, in the order in which it met them.
+    searched : names of the effects that were tried on top of others.
+    force_left : mean squared force (blocks,) that a model as written leaves of validation data.
+    """
+
+    best: dict[Kind, FittedModel] = field(default_factory=dict)
+    climbed: dict[Kind, Fit | None] = field(default_factory=dict)
+    asked: list[tuple[Asked, FittedModel]] = field(default_factory=list)
+    tried: list[FittedModel] = field(default_factory=list)
+    searched: dict[tuple[str, ...], set[str]] = field(default_factory=dict)
+    force_left: dict[FittedModel, NDArray[np.float64]] = field(default_factory=dict)
+
+    def keep(self, *found: FittedModel) -> None:
+        """Keep models that a selection weighs."""
+        self.tried += [f for f in found if f not in self.tried]
+
+
+__all__ = ["FitCache"]

@@ -1,0 +1,298 @@
+"""What validation data say of a model that both estimates arrived at: one test a method."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.comparison.scores import unfollowed
+from signlin_ros.diagnosis.criteria import Criteria
+from signlin_ros.diagnosis.dataset import Dataset
+from signlin_ros.diagnosis.equation_error.flexible import Curve, changing, structured
+from signlin_ros.diagnosis.equation_error.regression import RegressionFit, mean_certainty
+from signlin_ros.diagnosis.evidence import HALF, Evidence
+from signlin_ros.diagnosis.loops import forces_of
+from signlin_ros.diagnosis.output_error import FittedModel, OutputErrorEstimator
+from signlin_ros.diagnosis.output_error.score import elsewhere, gain, of_windows
+from signlin_ros.effects import find_effect
+from signlin_ros.errors import InputError
+from signlin_ros.fitting.prepare import reversed_signal
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ValidationTests:
+    """Tests of a model that both estimates arrived at: what validation data say of it, beside the base model.
+
+    ``evidence``: what both estimates measure; ``final``: that model. A property measures, a method may fit.
+    """
+
+    evidence: Evidence
+    final: FittedModel
+
+    @property
+    def case(self) -> Dataset:
+        """The records."""
+        return self.evidence.case
+
+    @property
+    def motion(self) -> OutputErrorEstimator:
+        """The output-error estimate."""
+        return self.evidence.motion
+
+    @property
+    def base(self) -> FittedModel:
+        """The best fit of the model as given."""
+        return self.evidence.base
+
+    @property
+    def criteria(self) -> Criteria:
+        """What decides."""
+        return self.evidence.criteria
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The effects that the model lacks."""
+        return self.final.effects
+
+    @cached_property
+    def reversed(self) -> str:
+        """The signal with whose sign reversed the model as given follows much better, if there is one."""
+        return reversed_signal(self.motion.problem, self.base.fit, self.final.fit)
+
+    @cached_property
+    def far(self) -> dict[str, float]:
+        """Base parameters that end far from nominal, and by how many tolerances."""
+        return self.final.far(self.criteria)
+
+    def same_at_nominal(self) -> bool:
+        """Tell whether it is confirmed with what is far held at nominal, beside the base held so, and at its best."""
+        try:
+            held = self.motion.holding({name: self.motion.problem.base.value(name) for name in self.far})
+            found = held.fitted(self.names)
+        except InputError:
+            return False
+        return not held.refused(held.base, found) and not self.motion.refused(self.base, found)
+
+    @cached_property
+    def percent(self) -> float | None:
+        """Force that is left, in per cent of the effort."""
+        return force_percent(self.evidence, self.final, self.final)
+
+    @cached_property
+    def flexible(self) -> Curve:
+        """What a flexible curve makes of the force that is left."""
+        force = self.evidence.force
+        if force is None or self.percent is None:
+            return Curve(False, np.inf)
+        search, r = force.search, force.search.r
+        if self.evidence.acting(self.final) == set(force.effects):
+            return force.flexible
+        if not self.names:
+            return structured(search, search.base)
+        left, unseen = (s.missing(self.final.model) for s in (r.known, r.unseen))
+        return structured(search, RegressionFit((("final", ()),), np.zeros(0), left, lambda: unseen))
+
+    @cached_property
+    def changing(self) -> str:
+        """Which force changes slowly along the records, if that is most of what is left; empty if none does."""
+        force = self.evidence.force
+        if force is None or self.percent is None or self.final.white:
+            return ""
+        fit, r = force.search.models.get(self.evidence.acting(self.final)), force.search.r
+        left = fit.unseen if fit else r.unseen.missing(self.final.model)
+        return changing(r, left, forces_of(self.final, self.remembers))
+
+    @cached_property
+    def loop(self) -> str:
+        """The hysteresis of a proposal that leaves more than a quarter of the force (RMS): one loop of its family."""
+        least = max(100.0 * self.criteria.part, self.criteria.sees * self.evidence.noise_percent)
+        own = [n for n in self.remembers if find_effect(n, "effects").family]
+        return own[0] if own and not self.final.clean and max(self.percent or 0, self.imposed or 0) > least else ""
+
+    def worse(self) -> str:
+        """Return the channel whose printed error rises beyond its standard error beside the base, or the missing force;
+        where the proposal's own is not told, that of a step on the way.
+        """
+        before, after, w = self.left(self.base), self.left(self.final), self.evidence
+        steps = self.steps()[1:-1] if after is None else ()
+        after = next((left for f in reversed(steps) if (left := self.left(f)) is not None), after)
+        risen = before is not None and after is not None and w.rises(before, after, self.criteria.worse)
+        return w.rising(self.base, self.final, self.criteria.worse) or ("the missing force" if risen else "")
+
+    @cached_property
+    def beside_given(self) -> float:
+        """By how many standard errors the proposal lowers the error on validation data beside the model as given."""
+        return self.motion.certainty(self.motion.given, self.final)
+
+    @cached_property
+    def no_better(self) -> bool:
+        """Whether validation data do not surely show a gain beside the model as given: a refit may not carry over."""
+        if self.beside_given > self.criteria.least:
+            return False
+        given, final = (self.evidence.as_written(f) for f in (self.motion.given, self.final))
+        return given is None or final is None or mean_certainty(given, final) <= self.criteria.least
+
+    @property
+    def remembers(self) -> tuple[str, ...]:
+        """The effects of the proposal that have a state of their own."""
+        return tuple(n for n in self.names if find_effect(n, "effects").states)
+
+    @cached_property
+    def lost(self) -> list[str]:
+        """The channels that none of the models that were fitted follows, neither where it was fitted nor elsewhere."""
+        known, unseen, missed = self.motion.problem, self.motion.unseen, set(self.motion.problem.channels)
+        for f in (self.final, *self.evidence.cache.tried):
+            for side, squares in ((known, f.training_squares), (unseen, f.validation_squares)):
+                missed &= set(unfollowed(of_windows(side, squares, side.noise)))
+        return [name for name in known.channels if name in missed]
+
+    @cached_property
+    def elsewhere(self) -> bool:
+        """Whether the model follows validation data far worse than those that it was fitted to: of its force, too."""
+        noise, final, force = (self.motion.problem.noise, self.motion.unseen.noise), self.final, self.evidence.force
+        if not elsewhere(final.training_squares, final.validation_squares, *noise, self.criteria.near):
+            return False
+        if force is None or self.percent is None:
+            return True
+        known = (
+            float(np.sqrt(np.mean(force.residual_as_written(final.model, known=True)))) / force.search.r.known.effort
+        )
+        return 100.0 * known < HALF * self.percent
+
+    @property
+    def follows(self) -> bool:
+        """Whether every channel is predicted near its noise, or but for a small part of what it does: else no test of
+        what is left shows that it is noise.
+        """
+        part = 100.0 * self.criteria.part
+        return self.evidence.near_any_noise(self.final) or max(self.unpredicted, default=0.0) <= part
+
+    @property
+    def little_left(self) -> bool:
+        """Whether a proposal leaves of every channel no more, beside what the base model does, than a table shows."""
+        beyond = self.final.errors > self.criteria.near * self.motion.unseen.noise
+        less = self.final.errors <= self.criteria.alike * self.base.errors
+        return bool(self.names and beyond.any() and np.all(less[beyond]))
+
+    def sampled(self) -> FittedModel | None:
+        """Return the same model with inputs sampled from what goes on in between, where that is surely better."""
+        model = self.final.model
+        if not model.asks_hold or model.plant.motion_is_imposed() or self.evidence.near_noise(self.final):
+            return None
+        try:
+            found = self.motion.acting("centred").fitted(self.names, model.with_options(input_hold="centred"))
+        except InputError:
+            return None
+        shows = np.any(found.errors < (1.0 - self.criteria.alike) * self.final.errors)
+        return found if shows and self.motion.certainty(self.final, found) >= self.criteria.certainty else None
+
+    @property
+    def of_noise(self) -> bool:
+        """Whether the base errs by no more than the noise, and nothing falls visibly, nor is a parameter freed."""
+        before, after = self.base.errors**2, self.final.errors**2
+        visible = self.criteria.each * (self.final.size - self.base.size)
+        within = np.all(before <= self.motion.unseen.noise**2)
+        return bool(within and np.all(before - after < visible * before) and not freed(self.base, self.final))
+
+    @property
+    def within_noise(self) -> bool:
+        """Whether no effect is named, and force and motion are within about the noise, or half a sensor's step."""
+        if self.names or self.percent is None:
+            return False
+        w = self.evidence
+        little = self.percent <= w.noise_percent and w.near_noise(self.final)
+        within = self.final.errors <= np.maximum(self.motion.unseen.noise, self.case.problem.quanta / 2)
+        return bool(little or (not w.sees(self.final) and np.all(within)))
+
+    @property
+    def little(self) -> bool:
+        """Whether a proposal leaves the larger part of the force that is missing."""
+        part = self.evidence.remaining(self.left(self.final))
+        return bool(self.names) and part is not None and part > self.criteria.part
+
+    @property
+    def unpredicted(self) -> list[float]:
+        """What is left of the channels, of which the model leaves more than about their noise, in per cent of their
+        spread.
+        """
+        scores = self.evidence.row(self.final, None).validation.channels.values()
+        near = self.criteria.near
+        far = [s.fit_percent for s in scores if s.rmse_over_noise is None or s.rmse_over_noise > near]
+        return [100.0 - fit for fit in far if fit is not None]
+
+    @cached_property
+    def imposed(self) -> float | None:
+        """What is left of the force of an imposed motion, where only its row tells, in per cent of its spread."""
+        told = self.percent is not None and self.percent > self.evidence.noise_percent
+        if told or not self.case.plant.motion_is_imposed():
+            return None
+        return next(iter(self.unpredicted), None)
+
+    @property
+    def most(self) -> bool:
+        """Whether a proposal leaves most of the effort, beyond the noise, or of the force of an imposed motion."""
+        effort = 0.0 if self.percent is None else self.percent**2 - self.evidence.noise_percent**2
+        return bool(self.names) and max(effort, (self.imposed or 0.0) ** 2) > 100.0**2 * self.criteria.part
+
+    def idle(self) -> bool:
+        """Tell whether one of several laws does not surely take away force, where forces tell of it."""
+        w, several = self.evidence, self.names if len(self.names) > 1 else ()
+        return not all(w.falls(self.without(n), self.final) for n in several if n not in w.hidden)
+
+    @property
+    def little_motion(self) -> bool:
+        """Whether a proposal leaves the larger part of what the motion lacks, of validation data or of known ones."""
+        known = gain(self.base.training_squares, self.final.training_squares, self.motion.problem.noise)
+        return min(self.motion.gain(self.base, self.final).share, known.share) < 1.0 - self.criteria.part
+
+    def steps(self) -> tuple[FittedModel, ...]:
+        """Return the models from the base to the proposal, one effect after the other."""
+        steps, c = [self.base], self.criteria
+        for k in range(1, len(self.names)):
+            part = self._part(self.names[:k])
+            if part.effects and not self.motion.gain(steps[-1], part).worsens(c.worse, c.alike):
+                steps.append(part)
+        return (*steps, *([self.final] if self.names else []))
+
+    def without(self, effect: str) -> FittedModel:
+        """Return the best fit without one effect of the proposal: what removing it costs."""
+        return self._part([n for n in self.names if n != effect])
+
+    def _part(self, names: Sequence[str]) -> FittedModel:
+        """Return the best fit of some of the effects of the proposal; the base where it diverges without the others."""
+        try:
+            return self.motion.fitted(names, self.final.model) if names else self.base
+        except InputError:
+            return self.base
+
+    def left(self, f: FittedModel) -> Array | None:
+        """Return the mean squared force (blocks,) that a model leaves of validation data, see `force_left`."""
+        return force_left(self.evidence, f, self.final)
+
+
+def force_left(w: Evidence, f: FittedModel, final: FittedModel) -> Array | None:
+    """Return the mean squared force (blocks,) left of validation data: by the proposal as written, else at best."""
+    return w.as_written(f) if f is final and f.effects else w.left(f)
+
+
+def force_percent(w: Evidence, f: FittedModel, final: FittedModel) -> float | None:
+    """Return that force in per cent of the effort (RMS)."""
+    return w.percent(force_left(w, f, final))
+
+
+def freed(before: FittedModel, after: FittedModel) -> str:
+    """Return in words which base parameter is bent most without what was added, by a tolerance more; empty if none."""
+    first, last = before.off, after.off
+    most = max(first, key=lambda n: abs(first[n]) - abs(last.get(n, 0.0)), default="")
+    if not most or abs(first[most]) <= abs(last.get(most, 0.0)) + 1.0:
+        return ""
+    return f", but without it {most} ends {abs(first[most]):.1f} tolerances from its nominal value"
+
+
+__all__ = ["ValidationTests", "force_left", "force_percent", "freed"]
