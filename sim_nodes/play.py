@@ -13,6 +13,7 @@ from std_msgs.msg import Float64MultiArray, String
 from signlin_ros.errors import InputError
 from signlin_ros.files import refusal
 from signlin_ros.nodes import convert
+from signlin_ros.nodes.joints import refuse_arm
 from signlin_ros.nodes.linearizer_logic import NANO, Refusal
 from signlin_ros.nodes.managed import ManagedNode
 from signlin_ros.nodes.overrides import Overridable
@@ -43,6 +44,7 @@ class PlayNode(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__("play", OPTIONS)
+        refuse_arm(self.model, "play", "play the motion by the arm's own trajectory controller, and record the topics")
         self.finished = False
         self.start()
 

@@ -95,7 +95,15 @@ class ReplayNode(ModelNode):
         if sample.switch:
             return
         self._states.publish(convert.vector(sample.x, "state"))
-        self._joint_states.publish(convert.joint_state(self.options["joint_name"], sample.joint, stamp))
+        self._joint_states.publish(self._joints(sample, stamp))
+
+    def _joints(self, sample: Sample, stamp: int) -> JointState:
+        """Return a sample as joint states: of all joints of an arm, by their names."""
+        if self.model.plant.name != "arm":
+            return convert.joint_state(self.options["joint_name"], sample.joint, stamp)
+        names = [name.removesuffix(".effort") for name in self.model.inputs]
+        values = dict(zip((*self.model.states, *self.model.inputs), (*sample.x, *sample.u), strict=True))
+        return convert.joints_state(values, names, stamp)
 
     def _end(self) -> None:
         self.get_logger().info("the record has ended")

@@ -11,7 +11,7 @@ from rclpy.logging import get_logger
 from rclpy.node import Node
 
 from signlin_ros.errors import InputError, choices, suggest
-from signlin_ros.model import find_model_file
+from signlin_ros.model import Model, find_model_file
 from signlin_ros.nodes.parameters import given
 from signlin_ros.nodes.runner import run
 
@@ -23,6 +23,8 @@ NODES = {
     "controller": "signlin_ros.nodes.controller:ControllerNode",
 }
 """Where each node stands."""
+OF_ONE_JOINT = ("monitor", "controller")
+"""Nodes that take no arm."""
 NO_LIMIT = "no controller: give -p controller.limit=..., the largest |input| that the drive may be given"
 
 
@@ -49,6 +51,8 @@ class StartPlan:
             raise InputError(f"{unknown[0]}: no node; known: {choices(NODES)}{suggest(unknown[0], NODES)}")
         source = ["replay"] if self.record else ["plant_simulator"] if self.simulated else []
         found = [*source, "linearizer", "monitor", *(["controller"] if self.is_limited else [])]
+        if Model.load(self.model).plant.name == "arm":
+            found = [name for name in found if name not in OF_ONE_JOINT]
         return [name for name in found if name not in self.without]
 
     @property

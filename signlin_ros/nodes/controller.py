@@ -20,6 +20,7 @@ from signlin_ros.control.designs import DEFAULT_DESIGN, DESIGNS
 from signlin_ros.errors import InputError
 from signlin_ros.nodes import convert
 from signlin_ros.nodes.controller_logic import LONGEST_REFERENCE, ControllerLogic, Timeouts
+from signlin_ros.nodes.joints import refuse_arm
 from signlin_ros.nodes.overrides import Overridable
 from signlin_ros.nodes.parameters import ModelNode, on_change
 from signlin_ros.nodes.qos import LATCHED, RELIABLE, SENSOR_QOS
@@ -58,6 +59,8 @@ OPTIONS = {
     "model_timeout": Overridable(0.0, "age of the model [s] that stops the drive; 0: three update periods", 0.0, 1e6),
     "needs_model": Overridable(True, "whether a linearizer must be publishing"),
 }
+INSTEAD = "signlin gains prints each joint's feed-forward for the arm's own controller"
+"""What there is for an arm."""
 SETTINGS_OPTIONS = ("design", "limit", "bandwidth", "damping", "integral", "floor", "turning")
 """Options that are settings of the same name."""
 RENAMED_OPTIONS = {
@@ -83,6 +86,7 @@ class ControllerNode(ModelNode):
 
     def __init__(self) -> None:
         super().__init__("controller", OPTIONS)
+        refuse_arm(self.model, "controller", INSTEAD)
         self._check_position()
         option = self.options
         timeouts = Timeouts(option["state_timeout"], option["reference_timeout"], option["model_timeout"])

@@ -110,10 +110,10 @@ def read_joints(message: JointState, joints: Sequence[str]) -> dict[str, float] 
     for joint in joints:
         one = read_joint(message, joint)
         if isinstance(one, Refusal):
-            return Refusal(one.kind, f"{joint}: {one.detail}" if one.kind != "missing" else one.detail)
+            return Refusal(one.kind, f"{joint}: {one.detail}" if one.kind != "missing" else one.detail, joint)
         lost = [name for name in ("position", "velocity") if name not in one]
         if lost:
-            return Refusal("missing", f"no {' and no '.join(lost)} of joint {joint!r}")
+            return Refusal("missing", f"no {' and no '.join(lost)} of joint {joint!r}", joint)
         found |= {f"{joint}.{name}": value for name, value in one.items()}
     return found
 

@@ -33,10 +33,11 @@ MOST_LATE = 10
 
 @dataclass(frozen=True)
 class Refusal:
-    """Why a message is not used: a kind to count by, and a detail for people."""
+    """Why a message is not used: a kind to count by, a detail for people, and of which of several joints."""
 
     kind: str
     detail: str
+    joint: str = ""
 
 
 @dataclass(frozen=True)
@@ -93,6 +94,7 @@ class LinearizerLogic:
         self._estimator: StateEstimator | None = None
         self._measuring = False
         self.refused: Counter[str] = Counter()
+        self.faults: Counter[str] = Counter()
         self.accepted = 0
         self.sequence = 0
         self.last_refusal: Refusal | None = None
@@ -207,6 +209,7 @@ class LinearizerLogic:
 
     def _refuse(self, refusal: Refusal) -> None:
         self.refused[refusal.kind] += 1
+        self.faults[refusal.joint] += bool(refusal.joint)
         self.last_refusal = refusal
 
     def _accept(self, x: Array | None, stamp: int, now: int) -> None:
@@ -335,7 +338,19 @@ class LinearizerLogic:
             values["observer"] = f"kalman, model trusted to {100 * self._watcher.trust:g} %; noise: {', '.join(noise)}"
         if self.last_refusal is not None:
             values["last refused"] = f"{self.last_refusal.kind}: {self.last_refusal.detail}"
-        return Health(level, message, values | {f"refused: {k}": str(n) for k, n in sorted(self.refused.items())})
+        values |= {f"refused: {k}": str(n) for k, n in sorted(self.refused.items())}
+        return Health(level, message, values | self._joints())
+
+    def _joints(self) -> dict[str, str]:
+        """Return of every joint of an arm whether its sign_j is in their valid range, and messages refused for it."""
+        if self.model.plant.name != "arm" or self.last is None:
+            return {f"{joint}: messages refused": str(n) for joint, n in sorted(self.faults.items()) if joint}
+        from signlin_ros.nodes.joints import outside
+
+        beyond = outside(self.model, self.last.result.x, self.last.result.u)
+        names = [name.removesuffix(".effort") for name in self.model.inputs]
+        found = {f"{name}: in_valid_range": str(name not in beyond).lower() for name in names}
+        return found | {f"{name}: messages refused": str(self.faults[name]) for name in names}
 
     def _verdict(self, age: int) -> tuple[int, str]:
         if age > self.timeout:

@@ -31,6 +31,7 @@ from signlin_ros.nodes import convert
 from signlin_ros.nodes.diagnosing import DiagnosisProcess, Naming, Planning
 from signlin_ros.nodes.gather import Gathering
 from signlin_ros.nodes.joint import measured_states
+from signlin_ros.nodes.joints import refuse_arm
 from signlin_ros.nodes.linearizer_logic import NANO, Refusal
 from signlin_ros.nodes.managed import ManagedNode
 from signlin_ros.nodes.monitor_logic import MonitorLogic, MonitorScore, MonitorSettings
@@ -55,6 +56,8 @@ OPTIONS = {
 }
 MIN_TIME_SINCE_CHANGE = 20
 """Seconds of data since a change from which on a diagnosis takes them alone."""
+INSTEAD = "record the topics and use signlin diagnose; the linearizer's diagnostics tell range and faults of each joint"
+"""What there is for an arm."""
 LOOK_PERIOD = 0.1
 """Seconds between two looks at what has come."""
 GATHER_REST = 0.02
@@ -68,6 +71,7 @@ class MonitorNode(ManagedNode):
 
     def __init__(self) -> None:
         super().__init__("monitor", OPTIONS)
+        refuse_arm(self.model, "monitor", INSTEAD)
         option = self.options
         self.logic: Any = None
         self.diagnosis: DiagnosisProcess | None = None

@@ -18,6 +18,7 @@ from rclpy.parameter import Parameter
 from signlin_ros.errors import InputError, suggest
 from signlin_ros.model import Model
 from signlin_ros.nodes import overrides
+from signlin_ros.nodes.description import with_description
 from signlin_ros.nodes.overrides import Overridable
 
 _arguments: ContextVar[Sequence[str] | None] = ContextVar("arguments", default=None)
@@ -46,7 +47,7 @@ class ModelNode(Node):  # type: ignore[misc]
         arguments = sys.argv if own is None else own
         given = {key: parameter.value for key, parameter in self._parameter_overrides.items()}
         overrides.check_none_lost(given, arguments, self.get_fully_qualified_name())
-        self.model = overrides.model_of(given, arguments)
+        self.model = overrides.model_of(with_description(self, given), arguments)
         entries = overrides.entries_of(self.model)
         declare(self, entries if follows else {key: replace(e, read_only=True) for key, e in entries.items()})
         values = {key: entry.check(key, given.get(key, entry.value)) for key, entry in options.items()}

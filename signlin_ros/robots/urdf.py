@@ -177,6 +177,9 @@ def _text(source: str | Path) -> tuple[str, str]:
     try:
         return Path(source).read_text(encoding="utf-8"), str(source)
     except (OSError, UnicodeDecodeError) as error:
+        if str(source).startswith("/") and not Path(source).suffix and not Path(source).exists():
+            said = "a node reads it from this topic; here a file is needed, e.g. written by ros2 topic echo --once"
+            raise ModelError(f"robot: {source} is no file: {said}") from error
         raise ModelError(f"robot: {source}: {getattr(error, 'strerror', None) or error}") from error
 
 
