@@ -116,6 +116,8 @@ class PlayNode(ManagedNode):
         if len(files) > 1:
             first = self.options["first_record"] or "FIRST.csv"
             told += f"; then: signlin diagnose MODEL {first} {files[0]} --validation {files[1]}"
+            rivals = Path(self.options["command"]).with_suffix(".rivals.json")
+            told += f" --rivals {rivals}" if rivals.exists() else ""
         (self.get_logger().error if self.player.place == ABORTED else self.get_logger().info)(told)
         self._result.publish(String(data=told))
         self.finished = True

@@ -94,6 +94,7 @@ def experiment(
 
     given = Model.from_yaml(told["given_model"], source) if told else Model.load(source)
     refuse(given, "experiment")
+    refuse(given, "experiment")
     check_files(given, files, (), output, KINDS, report)
     loaded, first, _ = load_sides(given, files, (), mapping)
     first, _, _ = check_sides(loaded, first, None, cures)

@@ -119,8 +119,10 @@ def tell(folder: Path) -> dict[str, Any]:
     click.echo(f"  {plan['sentence']}\n  {plan['command']['words']}")
     click.echo("\nPlayed twice over ROS 2 by the node play:")
     click.echo(f"  {played(folder, plan['command']['duration'])}")
-    click.echo("\nsignlin diagnose model.yaml first.csv played.csv --validation played_again.csv:")
-    last = signlin(folder, "diagnose", "model.yaml", "first.csv", "played.csv", "--validation", "played_again.csv")
+    words: tuple[str, ...] = ("diagnose", "model.yaml", "first.csv", "played.csv", "--validation", "played_again.csv")
+    words += ("--rivals", "next.rivals.json")
+    click.echo(f"\nsignlin {' '.join(words)}:")
+    last = signlin(folder, *words)
     click.echo(f"  {last['verdict'].upper()}: {last['sentence']}")
     for entry in last["ranking"]:
         if entry["effect"] in between.split(","):

@@ -35,8 +35,8 @@ LOST = 1e12
 class RivalBench:
     """Rivals, and the observer (``gains``) through which a record is seen; ``spread`` (ny,): what a model leaves of the
     first records; ``x0``: where the machine starts, by state; ``bias``: the input that holds it there; ``likely``:
-    those that may be true, all where it is empty; ``check`` is called before every simulation and refit, and raises
-    what ends the work.
+    those that may be true, all where it is empty; ``behind``: by how much the first records leave them behind the best;
+    ``check`` is called before every simulation and refit, and raises what ends the work.
     """
 
     problem: Problem
@@ -46,6 +46,7 @@ class RivalBench:
     x0: Mapping[str, float]
     bias: float = 0.0
     likely: frozenset[int] = frozenset()
+    behind: Array = field(default_factory=lambda: np.zeros(0), repr=False)
     used: dict[str, int] = field(default_factory=lambda: {"runs": 0, "fits": 0}, repr=False)
     check: Callable[[], None] = field(default=lambda: None, repr=False)
 

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.comparison.equations import inertia
+from signlin_ros.errors import InputError
 from signlin_ros.experiment.contenders import Contender, contender
 from signlin_ros.experiment.distance import LOST, Pair, RivalBench
 from signlin_ros.experiment.families import COMMAND_FAMILIES
 from signlin_ros.experiment.plan import Remedy
 from signlin_ros.experiment.search import NEEDED_EVIDENCE, CommandSearch
-from signlin_ros.fitting.problem import prepare
+from signlin_ros.fitting.problem import Problem, prepare
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 
@@ -134,15 +135,17 @@ def _faster(search: CommandSearch, both: Sequence[Pair]) -> Iterator[tuple[str, 
             yield f"sample every {1e3 * step:.3g} ms", least(finer, [(0, 1), (1, 0)], t, u)
 
 
-def seen_with(bench: RivalBench, pair: Pair, t: Array, u: Array, channels: Sequence[str]) -> RivalBench | None:
-    """Return two rivals as other channels, or other times t (T,), would show them; None where they cannot."""
-    problem, (i, j) = bench.problem, pair
+def seen_with(
+    bench: RivalBench, places: Sequence[int], t: Array, u: Array, channels: Sequence[str]
+) -> RivalBench | None:
+    """Return some rivals as other channels, or other times t (T,), would show them; None where they cannot."""
+    problem = bench.problem
     base = problem.base
     if base.plant.position in channels and base.plant.position not in base.states and base.plant.position_optional:
         base = base.with_options(with_position=True)
     base = _showing(base, channels)
-    first, second = (_seen(bench.contenders[k], base) for k in (i, j))
-    run = first.run(first.theta, t, bench.inputs(u), bench.x0)
+    seen = [_seen(bench.contenders[k], base) for k in places]
+    run = seen[0].run(seen[0].theta, t, bench.inputs(u), bench.x0)
     if run is None or not set(channels) <= {*run.states, *run.outputs}:
         return None
     g, noise = np.random.default_rng(0), dict(zip(problem.channels, problem.noise.tolist(), strict=True))
@@ -151,13 +154,31 @@ def seen_with(bench: RivalBench, pair: Pair, t: Array, u: Array, channels: Seque
     noisy = {c: v + size[c] * g.standard_normal(t.size) for c, v in measured.items()}
     data = ModelData(t, bench.inputs(u), noisy, None, base.inputs, base.states, dict(problem.units), "command")
     other = prepare(base, [data], tuple(channels))
-    pairs = (first, second)
-    contenders = tuple(contender(other, c.model_at(c.theta), c.effects, c.information) for c in pairs)
-    contenders = tuple(replace(c, size=old.size) for c, old in zip(contenders, pairs, strict=True))
+    contenders = tuple(_as_before(other, c) for c in seen)
     old = dict(zip(problem.channels, bench.spread.tolist(), strict=True))
     spread = np.array([old.get(c, size[c]) for c in channels])
     gains = other.levels[min(problem.levels.index(bench.gains), len(other.levels) - 1)]
-    return RivalBench(other, contenders, gains, spread, bench.x0, bench.bias, used=bench.used, check=bench.check)
+    return replace(bench, problem=other, contenders=contenders, gains=gains, spread=spread, likely=frozenset())
+
+
+def _as_before(problem: Problem, old: Contender) -> Contender:
+    """Return a rival for other records, with what the first ones know of it."""
+    c = contender(problem, old.model_at(old.theta), old.effects, old.information)
+    return replace(c, theta=old.theta, size=old.size, told=old.told, minima=old.minima)
+
+
+def sampled(bench: RivalBench, step: float) -> RivalBench:
+    """Return all rivals as samples that are another step in s apart would show them, with noise as it was.
+
+    Raises `InputError` where they cannot be followed so.
+    """
+    part = bench.problem.parts[0]
+    t = np.arange(0.0, part.t[-1] - part.t[0], step)
+    u = np.interp(t, part.t - part.t[0], part.u[:, 0])
+    found = seen_with(bench, range(len(bench.contenders)), t, u, bench.problem.channels)
+    if found is None:
+        raise InputError(f"--dt: with samples {step:g} s apart {bench.contenders[0].name} diverges")
+    return replace(found, likely=bench.likely)
 
 
 def _without_inductance(model: Model) -> bool:
@@ -183,4 +204,4 @@ def _seen(c: Contender, base: Model) -> Contender:
     return replace(c, models={c.theta.tobytes(): model})
 
 
-__all__ = ["least", "remedies", "seen_with"]
+__all__ = ["least", "remedies", "sampled", "seen_with"]

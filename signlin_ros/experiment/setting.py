@@ -110,7 +110,8 @@ def bench_of(
             left.append(np.sqrt(np.nanmean(np.concatenate(found[0]) ** 2, axis=0)))
     spread = np.maximum(np.min(left, axis=0), problem.noise) if left else problem.noise
     x0 = dict(zip(problem.base.states, problem.base.x0.tolist(), strict=True))
-    bench = RivalBench(problem, tuple(contenders), gains, spread, x0, check=check)
+    behind = so_far(problem, contenders)
+    bench = RivalBench(problem, tuple(contenders), gains, spread, x0, behind=behind, check=check)
     return replace(bench, bias=_resting(bench))
 
 
@@ -131,7 +132,7 @@ def _sized(problem: Problem, c: Contender) -> Contender:
 
 def open_ones(bench: RivalBench, rivals: Sequence[KnownLimits]) -> list[KnownLimits]:
     """Return the rivals that the first records do not exclude yet, the proposal always."""
-    first = so_far(bench.problem, bench.contenders)
+    first = bench.behind
     return [r for k, r in enumerate(rivals) if k == 0 or not first[k] > EXCLUDED]
 
 
@@ -139,7 +140,7 @@ def likely_ones(bench: RivalBench) -> frozenset[int]:
     """Return the places of the rivals that may be true by the first records: the proposal, and what is near the best,
     two at least; the others are to lose, but a record that they would show is not planned for.
     """
-    first = so_far(bench.problem, bench.contenders)
+    first = bench.behind
     order = np.argsort(np.where(np.isfinite(first), first, np.inf), kind="stable")
     near = [k for k in range(len(first)) if first[k] <= UNLIKELY]
     return frozenset(map(int, (0, *order[:2], *near)))

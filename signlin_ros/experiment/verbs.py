@@ -20,7 +20,7 @@ from signlin_ros.experiment.limits import Limits, limits_of
 from signlin_ros.experiment.naming import open_names, with_named
 from signlin_ros.experiment.plan import ExperimentPlan, PlanRow, PlanText, Remedy
 from signlin_ros.experiment.preview import preview
-from signlin_ros.experiment.remedies import remedies
+from signlin_ros.experiment.remedies import remedies, sampled
 from signlin_ros.experiment.search import (
     ENOUGH,
     MIN_LINEAR_RATIO,
@@ -38,7 +38,6 @@ from signlin_ros.experiment.setting import (
     likely_ones,
     named,
     open_ones,
-    so_far,
 )
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
@@ -50,6 +49,8 @@ WINDOWS, MIN_RUN_SECONDS, MAX_RUN_SECONDS = 25, 2.0, 10.0
 """Windows of the horizon that a run holds at least, and s of it at least and, unless they need more, at most."""
 DRAWN, DOWN, TIMES = 12, 0.85, 12
 """Machines drawn from each estimate that must stay within the limits; by what a command is made smaller, how often."""
+SAME_STEP, MAX_FINER = 0.02, 20.0
+"""Share by which a step may differ from that of the first records and be the same; times as fine as it may be."""
 EVERY = 20_000
 """Most samples of a run."""
 
@@ -126,7 +127,9 @@ def designed(
     if bench is not None and not wishes.between:
         limits = limits_of(bench.problem, wishes.limits)
         rivals, rest = chosen([r for r in open_ones(bench, every) if _rests(bench, every.index(r), limits)])
-        bench = replace(bench, contenders=tuple(bench.contenders[every.index(r)] for r in rivals))
+        kept = [every.index(r) for r in rivals]
+        contenders = tuple(bench.contenders[k] for k in kept)
+        bench = replace(bench, contenders=contenders, behind=bench.behind[kept])
         bench = replace(bench, likely=likely_ones(bench))
     if bench is None or len(rivals) < 2:
         name = "+".join(rivals[0].effects) if rivals else "nothing"
@@ -135,6 +138,13 @@ def designed(
     if bench.problem.plant.motion_is_imposed():
         raise InputError(f"the plant {given.plant.name} has its motion imposed: a command cannot be designed for it")
     limits = limits_of(bench.problem, wishes.limits)
+    step = bench.problem.scale.step
+    if wishes.dt is not None and not np.isclose(wishes.dt, step, rtol=SAME_STEP):
+        most = 0.5 * bench.problem.base.update_period
+        if not step / MAX_FINER <= wishes.dt <= most:
+            allowed = f"{step / MAX_FINER:.3g} to {most:.3g} s, with first records of {step:.3g} s"
+            raise InputError(f"--dt: found {wishes.dt:g}; allowed: {allowed}")
+        bench = sampled(bench, wishes.dt)
     search = CommandSearch(bench, limits, _times(bench, wishes), wishes.spare, tell, wishes.seed)
     if search.most <= 0.0:
         raise InputError(f"holding the machine takes {bench.bias:g}, more than its limit {search.limits.input:g}")
@@ -152,9 +162,6 @@ def _rests(bench: RivalBench, i: int, limits: Limits) -> bool:
 def _times(bench: RivalBench, wishes: ExperimentWishes) -> Array:
     problem = bench.problem
     step = wishes.dt or float(f"{problem.scale.step:.4g}")
-    if wishes.dt is not None and not np.isclose(wishes.dt, problem.scale.step, rtol=0.02):
-        own = f"the first records have {problem.scale.step:.4g} s"
-        raise InputError(f"--dt: found {wishes.dt:g}; {own}, and a plan is judged by what they left at that step")
     least = max(MIN_RUN_SECONDS, WINDOWS * max(problem.base.update_period, 2 * problem.scale.step))
     duration = wishes.duration or float(np.clip(problem.scale.duration, least, max(least, MAX_RUN_SECONDS)))
     count = round(duration / step)
@@ -214,7 +221,7 @@ def _told(
     whole: Sequence[CommandTrial],
 ) -> list[PlanText]:
     """Return how well each two rivals are told apart: both ways, and from sigma points of the true one."""
-    bench, first = search.bench, so_far(search.bench.problem, search.bench.contenders)
+    bench, first = search.bench, search.bench.behind
     found, names = [], [c.name for c in bench.contenders]
     for i, j in dict.fromkeys((min(p), max(p)) for p in every):
         ways = [p for p in ((i, j), (j, i)) if p in least]

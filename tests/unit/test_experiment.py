@@ -241,10 +241,9 @@ def test_a_richer_law_starts_from_the_simpler_one_that_it_contains():
     assert led_by("backlash", "compliant_load", {}) == {}
 
 
-def test_what_is_far_behind_is_to_lose_but_is_not_thought_to_be_true(monkeypatch):
-    bench = RivalBench(None, (None,) * 4, None, None, {})
+def test_what_is_far_behind_is_to_lose_but_is_not_thought_to_be_true():
+    bench = RivalBench(None, (None,) * 4, None, None, {}, behind=np.array([30.0, 0.0, 5.0, np.nan]))
     assert len(bench.pairs) == 12
-    monkeypatch.setattr(setting, "so_far", lambda problem, contenders: np.array([30.0, 0.0, 5.0, np.nan]))
     assert setting.likely_ones(bench) == {0, 1, 2}
     pairs = replace(bench, likely=setting.likely_ones(bench)).pairs
     assert {i for i, _ in pairs} == {0, 1, 2}
