@@ -159,7 +159,8 @@ def told(w: Evidence, rivals: Sequence[RefittedRival], final: FittedModel) -> st
     if ties:
         names = listed(["+".join(r.effects) or "nothing" for r in ties])
         parts.append(f"Not decided: {names}, refitted from the values of the plan, cannot be told from it")
-    lost = [r for r in rivals if r not in ties and r.effects and set(r.effects) != set(final.effects)]
+    others = [r for r in rivals if r not in ties and r.effects and set(r.effects) != set(final.effects)]
+    lost = [r for r in others if loses(w, r.least, final)]
     if lost:
         least = min(w.motion.certainty(r.least, final) for r in lost)
         names = listed(["+".join(r.effects) for r in lost])

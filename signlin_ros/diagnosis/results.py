@@ -73,7 +73,9 @@ class Scores:
 
 @dataclass(frozen=True)
 class RankingEntry:
-    """One effect in the ranking: confirmed, ambiguous, not_excited, rejected or not_applicable; ``why``."""
+    """One effect in the ranking: confirmed, ambiguous, not_excited, rejected or not_applicable; ``why``. ``force``:
+    what it would leave of it, in per cent of the effort, where only the equation-error estimate tried it.
+    """
 
     effect: str
     status: str
@@ -81,10 +83,12 @@ class RankingEntry:
     validation: Scores | None = None
     indistinguishable_from: tuple[str, ...] = ()
     why: str = ""
+    force: float | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Return one entry of ``ranking``."""
-        return {name: _json(value) for name, value in vars(self).items()}
+        found = {name: _json(value) for name, value in vars(self).items() if name != "force"}
+        return found | ({} if self.force is None else {"missing_force_percent": self.force})
 
     def _repr_html_(self) -> str:
         values = ", ".join(f"{name} = {estimate}" for name, estimate in self.parameters.items())

@@ -162,7 +162,7 @@ def _by_force(w: Evidence, v: Verdict, name: str) -> RankingEntry:
     return (
         RankingEntry(name, "not_excited", why=f"{why}{_beyond(w)}")
         if unseen
-        else RankingEntry(name, "rejected", why=why)
+        else RankingEntry(name, "rejected", why=why, force=b if b <= WHOLE_EFFORT else None)
     )
 
 

@@ -145,12 +145,14 @@ class RivalBench:
 
     def share(self, t: Array, u: Array, limits: Limits, points: bool = False) -> tuple[float, str, list[Trajectory]]:
         """Return the largest part of a limit that any rival would come to under a command, and of which; with the
-        motions of the estimates. ``points``: of their sigma points too.
+        motions of the estimates. ``points``: of their sigma points too, but one that diverges is no machine.
         """
         worst, name, runs = 0.0, "", list[Trajectory]()
         for i, c in enumerate(self.contenders):
             for k, theta in enumerate([c.theta, *(c.sigma_points if points else ())]):
                 run = self.run(i, t, u, theta)
+                if run is None and k > 0:
+                    continue
                 part, which = (np.inf, "it diverges") if run is None else limits.share(run)
                 if part > worst:
                     worst, name = part, which

@@ -51,6 +51,21 @@ _LEADS: Mapping[tuple[str, str], Callable[[Values], dict[str, float]]] = {
 }
 
 
+_CONTAINED: Mapping[str, tuple[str, ...]] = {
+    "hard_stop": ("linear_stiffness",),
+    "cubic_stiffness": ("linear_stiffness",),
+    "bouc_wen_hysteresis": ("linear_stiffness",),
+    "load_dependent_stribeck": ("stribeck_friction",),
+}
+"""Laws that a richer one is for some values, beside those that lead to it."""
+
+
+def overlap(one: str, other: str) -> bool:
+    """Tell whether two laws are the same for some values of their parameters."""
+    first, second = ({n, *_CONTAINED.get(n, ()), *(s for r, s in _LEADS if r == n)} for n in (one, other))
+    return bool(first & second)
+
+
 def led_by(richer: str, simpler: str, values: Values) -> dict[str, float]:
     """Return what the parameters of a simpler law say of those of a richer one; empty where it does not contain it."""
     lead = _LEADS.get((richer, simpler))
@@ -116,4 +131,4 @@ def with_minima(problem: Problem, c: Contender, gains: ObserverGains, check: Cal
     return replace(c, theta=found[0].theta, information=found[0].hessian, minima=others)
 
 
-__all__ = ["EXCLUDED", "REFIT_STEPS", "led", "led_by", "with_minima"]
+__all__ = ["EXCLUDED", "REFIT_STEPS", "led", "led_by", "overlap", "with_minima"]

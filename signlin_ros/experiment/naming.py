@@ -26,7 +26,8 @@ NO_EFFECT = "nothing"
 
 def open_names(content: Mapping[str, Any]) -> list[str]:
     """Return the rivals that a diagnosis (its JSON) names beside those it fitted: what ties with what it names, then
-    other laws of its family, which were rejected for want of evidence; as many as a plan takes.
+    other laws of its family, which were rejected for want of evidence, and laws that by the force alone would take
+    most of what is missing away; as many as a plan takes.
     """
     named = list(content["ladder"][-1]["effects"])
     fitted = [tuple(r["effects"]) for r in content["rivals"]]
@@ -36,11 +37,22 @@ def open_names(content: Mapping[str, Any]) -> list[str]:
         kin = [e["effect"] for e in content["ranking"] if e["status"] == "rejected" and _family(e["effect"])]
         ties += [name for name in kin if _family(name) == _family(entry["effect"])]
         swapped += [tuple(t if n == entry["effect"] else n for n in named) for t in ties]
+    if len(named) == 1:
+        swapped += [(name,) for name in _by_force(content)]
     if len(fitted) + len(swapped) < MIN_RIVALS and len(named) <= 1:
         others = [e["effect"] for e in content["ranking"] if e["status"] == "rejected" and e["parameters"]]
         swapped += [(name,) for name in others[:MIN_RIVALS]]
     new = [s for s in dict.fromkeys(swapped) if s not in fitted and len(set(s)) == len(s)]
     return ["+".join(effects) for effects in new[: max(MAX_PLANNED_RIVALS - len(fitted), 0)]]
+
+
+def _by_force(content: Mapping[str, Any]) -> list[str]:
+    """Return the laws that would leave little of the force that the base model leaves, the least first."""
+    before = content["ladder"][0].get("missing_force_percent")
+    left = {e["effect"]: e.get("missing_force_percent") for e in content["ranking"]}
+    told = {n: float(x) for n, x in left.items() if x is not None}
+    most = float(np.sqrt(DEFAULT_CRITERIA.part)) * before if before else 0.0
+    return sorted((n for n, x in told.items() if x <= most), key=lambda n: told[n])
 
 
 def _family(effect: str) -> str:

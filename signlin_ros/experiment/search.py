@@ -172,7 +172,6 @@ class CommandSearch:
         for i, theta in [(i, x) for i, c in enumerate(bench.contenders) for x in c.sigma_points[:SIGMA_POINTS]]:
             run = bench.run(i, self.t, one.u, theta)
             if run is None:
-                back = np.inf
                 continue
             seen = bench.segment(i, run, theta)
             back = max(back, bench.refitted(i, seen)[0])

@@ -56,7 +56,7 @@ def sentence(plan: ExperimentPlan) -> str:
 def _nested(one: PlanText) -> str:
     """Return that one rival is nearly the other one, in words."""
     same = f"{one.rivals[0]} and {one.rivals[1]} are nearly the same, as the first records leave them"
-    return f"{same}, and one is a richer form of the other: no command tells them apart, the simpler will be named"
+    return f"{same}: their laws agree for some values, no command tells them apart, the simpler will be named"
 
 
 def smallest(bench: RivalBench, told: Sequence[PlanText]) -> dict[str, str]:

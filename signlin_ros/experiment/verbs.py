@@ -17,6 +17,7 @@ from signlin_ros.experiment import text
 from signlin_ros.experiment.contenders import Contender
 from signlin_ros.experiment.distance import LOST, Pair, RivalBench
 from signlin_ros.experiment.limits import Limits, limits_of
+from signlin_ros.experiment.minima import overlap
 from signlin_ros.experiment.naming import open_names, with_named
 from signlin_ros.experiment.plan import ExperimentPlan, PlanRow, PlanText, Remedy
 from signlin_ros.experiment.preview import preview
@@ -187,6 +188,12 @@ def _planned(
     whole = list(search.tried)
     search.ask(asked)
     best = search.climbed() or search.climbed(mix=True) or search.loudest()
+    if best is None:  # none serves them all: those of the proposal, or its first
+        search.ask([p for p in asked if 0 in p] or asked[:1])
+        best = search.climbed() or search.loudest()
+    if best is None:
+        search.ask(search.pairs[:1])
+        best = search.climbed() or search.loudest()
     if best is None:
         raise InputError("no command could be found within the limits")
     best = _within(search, search.improved(best))
@@ -202,7 +209,7 @@ def _within(search: CommandSearch, best: CommandTrial) -> CommandTrial:
     drawn = [(i, theta) for i, c in enumerate(search.bench.contenders) for theta in c.drawn(g, DRAWN)]
     for _ in range(TIMES):
         runs = [search.bench.run(i, search.t, best.u, theta) for i, theta in drawn]
-        worst = max(np.inf if run is None else search.limits.share(run)[0] for run in runs)
+        worst = max((search.limits.share(run)[0] for run in runs if run is not None), default=0.0)
         if worst <= 1.0 - 0.5 * search.spare:
             return search.recovered(best)
         parts = tuple(replace(p, peak=DOWN * p.peak) for p in best.parts)
@@ -244,7 +251,12 @@ def _kin(a: Contender, b: Contender) -> bool:
     """Tell whether one rival contains the other: it has more effects, or is a richer law of one family."""
     if set(a.effects) < set(b.effects) or set(b.effects) < set(a.effects):
         return True
-    families = [EFFECTS[c.effects[0]].family if len(c.effects) == 1 else "" for c in (a, b)]
+    if len(a.effects) != 1 or len(b.effects) != 1:
+        return False
+    first, second = a.effects[0], b.effects[0]
+    if overlap(first, second):
+        return True
+    families = [EFFECTS[name].family for name in (first, second)]
     return bool(families[0]) and families[0] == families[1] and a.theta.size != b.theta.size
 
 
@@ -255,8 +267,9 @@ def _expected(search: CommandSearch, u: Array, pair: Pair) -> float:
     bench, (i, j), values = search.bench, pair, list[float]()
     for theta in (bench.contenders[i].theta, *bench.contenders[i].sigma_points[:SIGMA_POINTS]):
         run = bench.run(i, search.t, u, theta)
-        values.append(0.0 if run is None else search.distance(j, bench.segment(i, run, theta)))
-    return min(values)
+        if run is not None:
+            values.append(search.distance(j, bench.segment(i, run, theta)))
+    return min(values, default=0.0)
 
 
 def _most(search: CommandSearch, ways: Sequence[Pair], every: Sequence[Pair], whole: Sequence[CommandTrial]) -> float:

@@ -24,7 +24,7 @@ from signlin_ros.experiment import setting
 from signlin_ros.experiment.distance import RivalBench
 from signlin_ros.experiment.families import COMMAND_FAMILIES, asked_by
 from signlin_ros.experiment.limits import limits_of
-from signlin_ros.experiment.minima import led_by
+from signlin_ros.experiment.minima import led_by, overlap
 from signlin_ros.experiment.naming import open_names
 from signlin_ros.experiment.parts import PART_KINDS, Part, in_words, rendered, slowed
 from signlin_ros.experiment.plan import ExperimentPlan
@@ -226,6 +226,15 @@ def test_what_ties_and_was_not_fitted_is_planned_for():
     assert open_names(content) == ["constant_load", "stribeck_friction"]
 
 
+def test_a_law_that_takes_most_of_the_force_away_is_planned_for():
+    named = {"effect": "gravity_load", "status": "confirmed", "indistinguishable_from": [], "parameters": {}}
+    left = {"linear_stiffness": 4.0, "cubic_stiffness": 30.0, "viscous_friction": 80.0}
+    rows = [{**named, "effect": n, "status": "rejected", "missing_force_percent": x} for n, x in left.items()]
+    ladder = [{"effects": [], "missing_force_percent": 88.0}, {"effects": ["gravity_load"]}]
+    content = {"ladder": ladder, "ranking": [named, *rows], "rivals": [{"effects": ["gravity_load"]}]}
+    assert open_names(content) == ["linear_stiffness", "cubic_stiffness"]
+
+
 def test_where_nothing_ties_the_best_of_what_was_rejected_is_looked_at():
     rows = [{"effect": n, "status": "rejected", "indistinguishable_from": [], "parameters": {"x": 1.0}}
             for n in ("linear_stiffness", "hard_stop")]  # fmt: skip
@@ -239,6 +248,20 @@ def test_a_richer_law_starts_from_the_simpler_one_that_it_contains():
     assert found == {"F_c": 0.02, "F_s": 0.025, "v_s": 3.0}
     assert led_by("coulomb_friction", "stribeck_friction", {"mu": 0.02}) == {}
     assert led_by("backlash", "compliant_load", {}) == {}
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "same"),
+    [
+        ("hard_stop", "linear_stiffness", True),
+        ("hard_stop", "bouc_wen_hysteresis", True),
+        ("backlash", "compliant_load", True),
+        ("gravity_load", "linear_stiffness", False),
+        ("input_delay", "sensor_delay", False),
+    ],
+)
+def test_laws_that_are_the_same_for_some_values_are_known(one, other, same):
+    assert overlap(one, other) == overlap(other, one) == same
 
 
 def test_what_is_far_behind_is_to_lose_but_is_not_thought_to_be_true():
