@@ -68,15 +68,13 @@ def fitted(*effects, errs=0.0):
     return SimpleNamespace(effects=effects, errs=errs)
 
 
-def evidence(*rivals, weightless=()):
+def evidence(*weightless):
     """Return what decides, of models that err by some standard errors more than the best."""
     motion = SimpleNamespace(
         certainty=lambda before, after: before.errs - after.errs,
         refused=lambda base, f: "is nothing" if f.effects in weightless else "",
     )
-    return SimpleNamespace(
-        motion=motion, criteria=DEFAULT_CRITERIA, raises=lambda a, b: False, base=fitted(errs=50.0), rivals=rivals
-    )
+    return SimpleNamespace(motion=motion, criteria=DEFAULT_CRITERIA, raises=lambda a, b: False, base=fitted(errs=50.0))
 
 
 def rival(*effects, errs, least=None, size=""):
@@ -86,25 +84,24 @@ def rival(*effects, errs, least=None, size=""):
 
 def test_a_rival_that_errs_as_little_is_not_decided():
     near, far = rival("constant_load", errs=2.0), rival("viscous_friction", errs=9.0)
-    w = evidence(near, far)
-    assert undecided(w, fitted("coulomb_friction")) == [near]
-    said = told(w, fitted("coulomb_friction"))
+    assert undecided(evidence(), [near, far], fitted("coulomb_friction")) == [near]
+    said = told(evidence(), [near, far], fitted("coulomb_friction"))
     assert "Not decided: constant load" in said
     assert "viscous friction loses by 9.0 standard errors" in said
 
 
 def test_a_richer_law_must_lose_at_the_size_that_is_of_interest():
     lost = rival("stribeck_friction", errs=0.0, least=8.0, size="stribeck_friction.excess")
-    assert undecided(evidence(lost), fitted("coulomb_friction")) == []
+    assert undecided(evidence(), [lost], fitted("coulomb_friction")) == []
     tied = rival("stribeck_friction", errs=0.0, least=1.0, size="stribeck_friction.excess")
-    assert undecided(evidence(tied), fitted("coulomb_friction")) == [tied]
+    assert undecided(evidence(), [tied], fitted("coulomb_friction")) == [tied]
 
 
 def test_a_rival_that_is_nothing_by_itself_and_one_that_holds_all_that_is_named_leave_no_doubt():
     nothing, more = rival("gravity_load", errs=0.0), rival("coulomb_friction", "backlash", errs=0.0)
-    w = evidence(nothing, more, weightless=[("gravity_load",)])
-    assert undecided(w, fitted("coulomb_friction")) == []
+    w = evidence(("gravity_load",))
+    assert undecided(w, [nothing, more], fitted("coulomb_friction")) == []
 
 
 def test_without_rivals_nothing_is_said():
-    assert told(evidence(), fitted("coulomb_friction")) == ""
+    assert told(evidence(), [], fitted("coulomb_friction")) == ""
