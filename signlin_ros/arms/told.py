@@ -141,7 +141,8 @@ def _cannot(study: Study, i: int) -> list[str]:
 def _too_small(diagnosis: ArmDiagnosis, i: int) -> list[str]:
     """Return which wrong gain and which elasticity of a joint these records would not show."""
     sizes = {key.law: size for key, size in diagnosis.detectable.items() if key.at == i}
-    joint, found = diagnosis.comparison.study.robot.joints[i], []
+    study = diagnosis.comparison.study
+    joint, found = study.robot.joints[i], []
     if "sensor_gain" in sizes:
         share = sizes["sensor_gain"]
         most = "nearly all of it is friction, which scales along"

@@ -103,7 +103,7 @@ def effect_evidence(w: Evidence, fitted: FittedModel, effect: str) -> EffectEvid
     plant = w.case.plant
     unit = w.case.problem.shown(resolve_unit("F", plant))
     sources = tuple(dict.fromkeys(s.source for s in w.case.unseen.segments))
-    cutoff = force.search.r.unseen.pieces[0].cutoff
+    cutoff = force.validation.pieces[0].cutoff
     quantity = "missing torque" if unit == "N·m" else "missing force"
     rows = None
     if place.kept is not None and _turns(w):
@@ -120,7 +120,7 @@ def _lacking(w: Evidence, fitted: FittedModel, effect: str) -> tuple[Array, Arra
     less = fitted.model
     for key in [k for k, use in less.effects.items() if use.type == effect and k not in w.case.problem.base.effects]:
         less = less.without_effect(key)
-    without, with_it = (force.search.r.unseen.missing(m) for m in (less, fitted.model))
+    without, with_it = (force.validation.missing(m) for m in (less, fitted.model))
     return without, without - with_it
 
 
@@ -128,7 +128,7 @@ def _at(w: Evidence, name: str) -> Array:
     """Return a coordinate (N,) where forces are told, on validation data."""
     force = w.force
     assert force is not None  # noqa: S101  asked before
-    return np.concatenate([p.values[name][p.kept] for p in force.search.r.unseen.pieces])
+    return np.concatenate([p.values[name][p.kept] for p in force.validation.pieces])
 
 
 def _passing(velocity: Array, wave: Wave, cutoff: float) -> NDArray[np.bool_]:
@@ -148,7 +148,7 @@ def _place(w: Evidence, computed: Array, waves: Sequence[Wave] = ()) -> Place:
     """
     force, plant = w.force, w.case.plant
     assert force is not None  # noqa: S101  asked before
-    parts = force.search.r.unseen.pieces
+    parts = force.validation.pieces
     velocity, position = _at(w, plant.velocity), _at(w, plant.position)
     if waves:
         kept = _passing(velocity, waves[0], parts[0].cutoff)
@@ -205,10 +205,11 @@ def _by_force(w: Evidence, rest: set[str], effect: str) -> FittedModel | None:
     force = w.force
     if force is None:
         return None
-    sets = [m for m in force.search.models.values() if rest < m.names and len(m.names) == len(rest) + 1]
+    known = (*force.sets.values(), *force.beside.get(effect, ()))
+    sets = [m for m in known if rest < m.names and len(m.names) == len(rest) + 1]
     for m in sorted((m for m in sets if effect not in m.names), key=lambda m: m.error):
         found = w.motion.stated([n for n, _ in m.members], force.with_laws(m))
-        if found is not None and np.mean(force.residual_as_written(found.model)) < force.search.base.error:
+        if found is not None and np.mean(force.residual_as_written(found.model)) < force.base.error:
             return found  # as it is written: a stiff law may be no more than its column
     return None
 

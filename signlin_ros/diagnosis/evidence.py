@@ -72,7 +72,7 @@ class Evidence:
         if complete or mean_certainty(given, own) > -self.criteria.certainty:
             return self
         told = force.with_laws(force.fit)
-        held = {n: told.value(n) for n in force.search.r.names if n in told.parameters}
+        held = {n: told.value(n) for n in force.regression.names if n in told.parameters}
         found = Evidence(self.case, motion.holding(held, motion.progress), force, motion.base)
         if (own := found.as_written(found.base)) is not None and np.mean(own) > np.mean(given):
             return replace(found, motion=found.motion.referring_to_given())
@@ -91,7 +91,7 @@ class Evidence:
     @property
     def hidden(self) -> set[str]:
         """The effects that the equation-error estimate cannot see."""
-        return {n for n in EFFECTS if self.force is None or n not in self.force.search.r.laws}
+        return {n for n in EFFECTS if self.force is None or n not in self.force.laws}
 
     @property
     def single(self) -> list[FittedModel]:
@@ -101,14 +101,14 @@ class Evidence:
     @property
     def laws(self) -> dict[str, RegressionFit]:
         """What the equation-error estimate found of every law by itself."""
-        models = self.force.search.models if self.force else {}
+        models = self.force.sets if self.force else {}
         return {next(iter(names)): fit for names, fit in models.items() if len(names) == 1}
 
     # ------------------------------------------------------------ the force that a model leaves
 
     def acting(self, f: FittedModel) -> frozenset[str]:
         """Return the effects that bear on the force: where the current is measured, those of the voltage do not."""
-        current = self.force is not None and self.force.search.r.current
+        current = self.force is not None and self.force.regression.current
         own = {n: find_effect(n, "effects") for n in f.effects}
         only = {n for n, e in own.items() if _has(e, "input", "delay") and not _has(e, "force", "torque_constant")}
         return frozenset(own.keys() - only if current else own)
@@ -130,9 +130,10 @@ class Evidence:
             return False
         waves = [1.0 for effect in effects if effect.angular and not effect.periodic]  # a weight is a wave of order one
         waves += _orders(f) if any(effect.periodic for effect in effects) else []
-        if max(waves, default=0.0) > self.force.search.waves.finest:
+        if max(waves, default=0.0) > self.force.waves.finest:
             return False
-        return self.force.search.r.known.pieces[0].position_measured or not depends_on_place(f.model.structure)
+        pieces = self.force.training.pieces
+        return pieces[0].position_measured or not depends_on_place(f.model.structure)
 
     def as_written(self, f: FittedModel) -> Array | None:
         """Return the mean squared force (blocks,) left of validation data, with the values in the model; None: not
@@ -150,15 +151,15 @@ class Evidence:
         left = self.as_written(f)
         if left is None or self.force is None:
             return None
-        own = self.force.search.models.get(self.acting(f))
+        own = self.force.sets.get(self.acting(f))
         better = own is not None and own.error < float(np.mean(left))
-        return self.force.search.r.unseen.by_block(own.unseen) if own and better else left
+        return self.force.validation.by_block(own.unseen) if own and better else left
 
     def percent(self, left: Array | float | None) -> float | None:
         """Return mean squared forces (blocks,) in per cent of the effort (RMS)."""
         if left is None or self.force is None:
             return None
-        return 100.0 * float(np.sqrt(np.mean(left))) / max(self.force.search.r.unseen.effort, MIN_DIVISOR)
+        return 100.0 * float(np.sqrt(np.mean(left))) / max(self.force.validation.effort, MIN_DIVISOR)
 
     @cached_property
     def silent(self) -> bool:
@@ -170,7 +171,7 @@ class Evidence:
     @property
     def noise(self) -> float:
         """Mean square of what the sensors' noise leaves of a force."""
-        return np.inf if self.force is None else self.force.search.r.unseen.noise
+        return np.inf if self.force is None else self.force.validation.noise
 
     @property
     def noise_percent(self) -> float:
@@ -181,7 +182,7 @@ class Evidence:
     @property
     def of_effort(self) -> str:
         """What forces are told in per cent of, in words."""
-        free = self.force is not None and self.force.search.r.unseen.free
+        free = self.force is not None and self.force.validation.free
         return "of the inertial force" if free else "of the effort"
 
     def sees(self, f: FittedModel) -> bool:
@@ -226,11 +227,11 @@ class Evidence:
             return one.level + float(np.log(np.mean(force.residual_as_written(one.model)) + MIN_DIVISOR))
 
         f = min(f, best, key=both)
-        fit = force.search.models.get(frozenset(f.effects))
+        fit = force.sets.get(frozenset(f.effects))
         if fit is None:
             return f
         model = force.with_laws(fit)
-        untold = set(f.model.plant.pars()) - {*force.search.r.names, *scaling(force.search.r.current)}
+        untold = set(f.model.plant.pars()) - {*force.regression.names, *scaling(force.regression.current)}
         model = model.with_parameters({n: v for n, v in f.model.parameters.items() if n in untold})
         stated = motion.stated([n for n, _ in fit.members], model)
         less = stated is not None and mean_certainty(

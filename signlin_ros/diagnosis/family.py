@@ -50,7 +50,7 @@ class FamilyChoice:
 
     def in_family(self, found: FittedModel) -> FittedModel:
         """Return a model with a richer law in place of one if motion surely asks for it, and force where it is seen."""
-        w, laws = self.evidence, self.force.search.r.laws
+        w, laws = self.evidence, self.force.laws
         for name in found.effects:
             family = laws[name].effect.family
             kin = [n for n, law in laws.items() if family and law.effect.family == family]
@@ -70,7 +70,7 @@ class FamilyChoice:
         """Return the laws in place of ``name`` that take visible force away, or the best; all where none is seen."""
         if self.imposed or not self.evidence.sees(found):
             return list(richer)
-        models, names = self.force.search.models, frozenset(found.effects)
+        models, names = self.force.sets, frozenset(found.effects)
         errors = {n: models[names - {name} | {n}].error for n in richer if names - {name} | {n} in models}
         if names not in models or not errors:
             return list(richer)
@@ -87,7 +87,7 @@ class FamilyChoice:
     @property
     def _shown(self) -> float:
         """A visible part of all the squared force that is missing."""
-        return self.evidence.criteria.each * self.force.search.base.error
+        return self.evidence.criteria.each * self.force.base.error
 
     def _started(self, found: FittedModel, name: str, other: str) -> Model:
         """Return a fitted model with another law in place of one, as the equation-error estimate fitted it alone."""
@@ -100,10 +100,10 @@ class FamilyChoice:
 
     def in_all_band(self, found: FittedModel) -> FittedModel:
         """Return the best other set that leaves less of an imposed motion's force in all its band, if there is one."""
-        search = self.force.search
+        force = self.force
         if not self.imposed:
             return found
-        others = [f for f in search.models.values() if f.error < search.chosen.error and search.sound(f)]
+        others = [f for names, f in force.sets.items() if f.error < force.fit.error and names in force.sound]
         best = sorted(others, key=lambda f: f.error)[: self.evidence.criteria.beam]
         better = self.of_one_force(found, [one for one in map(self.simulated, best) if one])
         return better[0] if better else found

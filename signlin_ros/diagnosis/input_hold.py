@@ -143,7 +143,7 @@ def _leading(force: EquationErrorResult | None) -> Iterator[tuple[Names, Model]]
     """Yield the effects that the force names, and the single laws that leave least of it, with their values."""
     if force is None:
         return
-    single = sorted((f for f in force.search.models.values() if len(f.members) == 1), key=lambda f: f.trained)
+    single = sorted((f for f in force.sets.values() if len(f.members) == 1), key=lambda f: f.trained)
     chosen = [force.fit] if force.effects else []
     for f in [*chosen, *(one for one in single if one.names != force.fit.names)][: LEADING + 1]:
         with suppress(InputError):  # a value that a model may not have

@@ -110,7 +110,7 @@ def _searched(w: Evidence) -> list[str] | None:
         return None
     small = share is not None and share < 100.0 * w.criteria.large
     waves = {n for n, effect in EFFECTS.items() if effect.periodic}  # what passes its band is not all that there are
-    names = w.hidden | waves | (set() if small and not force.effects else force.search.helpful)
+    names = w.hidden | waves | (set() if small and not force.effects else force.helpful)
     return sorted(names & w.motion.candidates)
 
 
@@ -162,7 +162,7 @@ def _leaves(f: FittedModel) -> str:
 
 def _overruled(w: Evidence, force: EquationErrorResult, second: FittedModel) -> bool:
     """Tell whether laws that explain most of the force would give way to what explains neither it nor the motion."""
-    before, own = force.search.base.error, w.left(second)
+    before, own = force.base.error, w.left(second)
     explains = own is not None and float(np.mean(own)) < HALF * before
     return w.sees(w.base) and not second.white and force.fit.error < HALF * before and not explains
 

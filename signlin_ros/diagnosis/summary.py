@@ -111,7 +111,7 @@ def _ties(w: Evidence, v: Verdict, effect: str) -> tuple[str, ...]:
     """Return what is as good in the place of an effect, by force or motion, refused by neither, and leaves no more."""
     force, rest, found = w.force, set(v.names) - {effect}, set[str]()
     if force and set(force.effects) == set(v.names):
-        found |= set(force.search.ties(force.fit, effect))
+        found |= set(force.ties[effect])
     for f in w.cache.tried:
         if not (rest < set(f.effects) and len(f.effects) == len(v.names) and effect not in f.effects):
             continue
@@ -155,7 +155,7 @@ def _by_force(w: Evidence, v: Verdict, name: str) -> RankingEntry:
     """Return the entry of an effect that only the equation-error estimate tried."""
     force = w.force
     assert force is not None  # noqa: S101  it tried the effect
-    a, b = force_percent(w, v.base, v.final) or force.percent(force.search.base), force.percent(w.laws[name])
+    a, b = force_percent(w, v.base, v.final) or force.percent(force.base), force.percent(w.laws[name])
     summary_of = f"{b:.3g} %" if b <= WHOLE_EFFORT else "more than all"
     why = f"by the force it would leave {summary_of} {w.of_effort} on validation data, the model without it {a:.3g} %"
     unseen = find_effect(name, "effects").only_beyond and b > (1.0 - w.criteria.alike) * a

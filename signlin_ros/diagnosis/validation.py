@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from signlin_ros.comparison.scores import unfollowed
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.dataset import Dataset
-from signlin_ros.diagnosis.equation_error.flexible import Curve, changing, structured
+from signlin_ros.diagnosis.equation_error.flexible import Curve, changing
 from signlin_ros.diagnosis.equation_error.regression import RegressionFit, mean_certainty
 from signlin_ros.diagnosis.evidence import HALF, Evidence
 from signlin_ros.diagnosis.loops import forces_of
@@ -90,13 +90,12 @@ class ValidationTests:
         force = self.evidence.force
         if force is None or self.percent is None:
             return Curve(False, np.inf)
-        search, r = force.search, force.search.r
         if self.evidence.acting(self.final) == set(force.effects):
             return force.flexible
         if not self.names:
-            return structured(search, search.base)
-        left, unseen = (s.missing(self.final.model) for s in (r.known, r.unseen))
-        return structured(search, RegressionFit((("final", ()),), np.zeros(0), left, lambda: unseen))
+            return force.structure_left(force.base)
+        left, unseen = (side.missing(self.final.model) for side in (force.training, force.validation))
+        return force.structure_left(RegressionFit((("final", ()),), np.zeros(0), left, lambda: unseen))
 
     @cached_property
     def changing(self) -> str:
@@ -104,9 +103,9 @@ class ValidationTests:
         force = self.evidence.force
         if force is None or self.percent is None or self.final.white:
             return ""
-        fit, r = force.search.models.get(self.evidence.acting(self.final)), force.search.r
-        left = fit.unseen if fit else r.unseen.missing(self.final.model)
-        return changing(r, left, forces_of(self.final, self.remembers))
+        fit = force.sets.get(self.evidence.acting(self.final))
+        left = fit.unseen if fit else force.validation.missing(self.final.model)
+        return changing(force.regression, left, forces_of(self.final, self.remembers))
 
     @cached_property
     def loop(self) -> str:
@@ -160,9 +159,7 @@ class ValidationTests:
             return False
         if force is None or self.percent is None:
             return True
-        known = (
-            float(np.sqrt(np.mean(force.residual_as_written(final.model, known=True)))) / force.search.r.known.effort
-        )
+        known = float(np.sqrt(np.mean(force.residual_as_written(final.model, known=True)))) / force.training.effort
         return 100.0 * known < HALF * self.percent
 
     @property

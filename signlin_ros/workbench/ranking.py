@@ -40,7 +40,7 @@ class Ranking:
 
         with self._turn:
             if isinstance(found, EquationErrorResult):
-                for names, fit in found.search.models.items():
+                for names, fit in found.sets.items():
                     self._put(sorted(names), force=found.percent(fit))
             else:
                 self._put(found.effects, error=_worst(found))

@@ -166,13 +166,18 @@ def force_witness(
 ) -> Any:
     unseen = SimpleNamespace(noise=0.01**2, effort=EFFORT, free=False, missing=lambda model: np.zeros(1))
     known = SimpleNamespace(pieces=[SimpleNamespace(position_measured=True)])
-    regression = SimpleNamespace(laws=dict.fromkeys(laws), known=known, unseen=unseen, current=current)
-    models = {frozenset(effects): SimpleNamespace(unseen=np.zeros(1), error=math.inf)}
-    search = SimpleNamespace(
-        base=None, r=regression, models=models, helpful=frozenset(helpful), waves=SimpleNamespace(finest=math.inf)
-    )
+    regression = SimpleNamespace(known=known, unseen=unseen, current=current)
+    nothing = Curve(False, math.inf)
     return SimpleNamespace(
-        search=search,
+        regression=regression,
+        laws=dict.fromkeys(laws),
+        training=known,
+        validation=unseen,
+        sets={frozenset(effects): SimpleNamespace(unseen=np.zeros(1), error=math.inf)},
+        base=None,
+        waves=SimpleNamespace(finest=math.inf),
+        helpful=frozenset(helpful),
+        structure_left=lambda fit: nothing,
         effects=effects,
         flexible=Curve(structure, flexible),
         residual_as_written=lambda f: around(f.force, 0),  # what is written leaves what it leaves
@@ -253,7 +258,7 @@ def test_what_the_force_neither_sees_nor_names_it_does_not_veto():
     more = Fit(("gravity_load",), (1.0,), 0.022)  # what leaves more than noise is held against the force
     assert chosen(force_witness(*LAWS), base, [], more)[0] is base
     named = force_witness(*LAWS, effects=("coulomb_friction",))  # so is everything where the force has a name
-    named.fit, named.search.base = SimpleNamespace(error=0.018**2), SimpleNamespace(error=0.018**2)
+    named.fit, named.base = SimpleNamespace(error=0.018**2), SimpleNamespace(error=0.018**2)
     assert chosen(named, base, [], law)[0] is base
 
 
@@ -288,7 +293,7 @@ def test_beside_what_is_confirmed_no_printed_error_rises_beyond_its_standard_err
 def test_what_the_force_shows_and_the_motion_refuses_is_told_and_not_replaced():
     """A motor that its own waves throw about: a load on a coupling and a late sensor took the place of seven waves."""
     force = force_witness(*LAWS, effects=("torque_ripple",))
-    force.fit, force.search.base = SimpleNamespace(error=0.3), SimpleNamespace(error=4.0)
+    force.fit, force.base = SimpleNamespace(error=0.3), SimpleNamespace(error=4.0)
     final, conflict = chosen(force, BASE, [], Fit(("compliant_load", "sensor_delay"), (1.0,), 1.9))
     assert final is BASE
     for name in ("torque ripple", "compliant load", "sensor delay"):
@@ -363,7 +368,6 @@ def no_sign_is_wrong(monkeypatch):
     monkeypatch.setattr(Dataset, "noise", property(lambda self: dict.fromkeys(self.problem.channels, NOISE)))
     monkeypatch.setattr(tests_module, "reversed_signal", lambda problem, base, final: "")
     monkeypatch.setattr(tests_module, "changing", lambda r, left, own: "")
-    monkeypatch.setattr(tests_module, "structured", lambda search, fit: Curve(False, math.inf))
     monkeypatch.setattr(ValidationTests, "same_at_nominal", lambda t: False)
 
 
@@ -945,12 +949,12 @@ def test_of_a_family_the_motion_is_asked_of_what_the_force_asks_for(seen, monkey
     monkeypatch.setattr(Evidence, "sees", lambda *_: seen)
     errors = {"coulomb_friction": 1.0, "stribeck_friction": 0.5, "lugre_friction": 0.9, "dahl_presliding": 0.995}
     force = force_witness(*LAWS)
-    force.search.models = {frozenset({n}): SimpleNamespace(error=e) for n, e in errors.items()}
-    force.search.base = SimpleNamespace(error=2.0)
+    force.sets = {frozenset({n}): SimpleNamespace(error=e) for n, e in errors.items()}
+    force.base = SimpleNamespace(error=2.0)
     found, richer = Fit(("coulomb_friction",), (10.0 * NOISE,), 1.0), list(errors)[1:]
     asked = choice(force, {}, Motion(BASE)).worth_it(found, "coulomb_friction", richer)
     assert asked == (richer[:2] if seen else richer)
-    force.search.models[frozenset({"coulomb_friction"})].error = 0.5
+    force.sets[frozenset({"coulomb_friction"})].error = 0.5
     rival = choice(force, {}, Motion(BASE)).worth_it(found, "coulomb_friction", richer)
     assert rival == (richer[:1] if seen else richer)
 
@@ -990,12 +994,12 @@ def test_what_the_force_takes_for_as_good_the_motion_decides_where_it_is_imposed
         object.__setattr__(f, "level", 0.0)
     motion, force = Motion(base, imposed=True), force_witness(*LAWS)
     motion.alike, motion.fitted = (lambda before, options: []), (lambda names, model: other)
-    force.search.chosen = SimpleNamespace(error=1.2)
+    force.fit = SimpleNamespace(error=1.2)
     better = SimpleNamespace(error=1.1, members=(("bouc_wen_hysteresis", ()),))
-    force.search.models = {
+    force.sets = {
         frozenset({"bouc_wen_hysteresis"}): better,
-        frozenset({"coulomb_friction"}): force.search.chosen,
+        frozenset({"coulomb_friction"}): force.fit,
     }
-    force.search.sound = lambda f: sound
+    force.sound = frozenset(force.sets if sound else ())
     kept = choice(force, left(base, found, other), motion).in_all_band(found)
     assert kept is (other if taken else found)

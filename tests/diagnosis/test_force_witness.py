@@ -21,6 +21,7 @@ from signlin_ros.diagnosis.equation_error import estimate
 from signlin_ros.diagnosis.equation_error.flexible import changing
 from signlin_ros.diagnosis.equation_error.laws import Ripple, Shape, laws
 from signlin_ros.diagnosis.equation_error.regression import RegressionData
+from signlin_ros.diagnosis.equation_error.search import SubsetSearch
 from signlin_ros.filters import sensor_noise
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
@@ -65,6 +66,13 @@ def record(
 def from_equation_error(law: Force, model: Model | None = None, **options: Any) -> estimate.EquationErrorResult:
     made = dataset_of(model or Model.from_dict(DRIVE), record(1, law, **options), record(2, law, **options))
     return estimate.estimate_equation_error(made.problem, made.unseen)
+
+
+def searched(law: Force, **options: Any) -> SubsetSearch:
+    """Return the search below the cut-off at which the estimate stopped."""
+    made = dataset_of(Model.from_dict(DRIVE), record(1, law, **options), record(2, law, **options))
+    found = estimate.estimate_equation_error(made.problem, made.unseen)
+    return estimate.subset_search(made.problem, made.unseen, found.training.pieces[0].cutoff)
 
 
 # ---------------------------------------------------------------- columns
@@ -222,14 +230,14 @@ def test_coloured_noise_counts_for_more_than_neighbouring_samples_show():
 
 
 def named(found: estimate.EquationErrorResult) -> dict[str, dict[str, float]]:
-    r, fit = found.search.r, found.fit
+    r, fit = found.regression, found.fit
     return {n: r.laws[n].parameters(z, fit.theta[fit.spans[n]]) for n, z in fit.members}
 
 
 def test_base_parameters_are_recovered():
     off = Model.from_dict({**DRIVE, "parameters": {"m": 1.06 * M, "c": 0.95 * C, "k": 0.0}})
     found = from_equation_error(lambda q, v: 0.0 * q, off)
-    moved_by = dict(zip(found.search.r.names, found.fit.theta, strict=False))
+    moved_by = dict(zip(found.regression.names, found.fit.theta, strict=False))
     assert found.effects == ()
     assert 1.06 * (1 + moved_by["m"]) == pytest.approx(1.0, abs=0.005)
     assert 0.95 * (1 + moved_by["c"]) == pytest.approx(1.0, abs=0.02)
@@ -247,7 +255,7 @@ def test_the_simplest_law_of_a_family_is_named():
     found = from_equation_error(lambda q, v: -1.5 * np.sign(v))
     assert found.effects == ("coulomb_friction",)
     assert named(found)["coulomb_friction"]["mu"] == pytest.approx(1.5, rel=0.02)
-    models = found.search.models
+    models = found.sets
     assert models[frozenset({"stribeck_friction"})].trained <= 1.001 * models[frozenset({"coulomb_friction"})].trained
 
 
@@ -260,7 +268,7 @@ def test_a_friction_does_not_explain_the_effort_by_itself():
 
     found = from_equation_error(dry, light, noise=1e-6)
     assert "load_dependent_friction" not in named(found)
-    models = found.search.models
+    models = found.sets
     following, plain = (models[frozenset({n})].error for n in ("load_dependent_friction", "coulomb_friction"))
     assert plain < following
 
@@ -287,8 +295,8 @@ def test_forces_of_a_free_motion_are_told_beside_the_inertial_force():
     data = ModelData(t, np.zeros((t.size, 1)), shown, None, ("force",), ("displacement", "velocity"), units)
     made = dataset_of(model, data, data)
     found = estimate.estimate_equation_error(made.problem, made.unseen)
-    assert found.search.r.unseen.free
-    assert found.search.r.percent(found.search.base) < 1.0
+    assert found.regression.unseen.free
+    assert found.regression.percent(found.base) < 1.0
 
 
 def test_a_richer_law_is_named_where_it_acts():

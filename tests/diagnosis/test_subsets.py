@@ -13,7 +13,7 @@ import pytest
 
 from signlin_ros.diagnosis.equation_error.search import SubsetSearch
 from signlin_ros.diagnosis.equation_error.subsets import Subsets
-from tests.diagnosis.test_force_witness import from_equation_error
+from tests.diagnosis.test_force_witness import searched
 
 pytestmark = pytest.mark.xdist_group("subsets")  # what they share is worked out once
 
@@ -23,7 +23,7 @@ WEIGHT, CABLE, FRICTION = 20.0, 3.0, 4.0
 @cache
 def search() -> SubsetSearch:
     """Return the sets fitted to a lift: a weight and dry friction, each of which explains little by itself."""
-    return from_equation_error(lambda q, v: -WEIGHT - CABLE * q - FRICTION * np.tanh(1e4 * v), unit="m").search
+    return searched(lambda q, v: -WEIGHT - CABLE * q - FRICTION * np.tanh(1e4 * v), unit="m")
 
 
 def test_what_is_left_is_what_least_squares_leaves():
@@ -45,7 +45,7 @@ def test_what_is_left_is_what_least_squares_leaves():
 
 def test_no_coefficient_has_a_sign_that_it_cannot_have():
     """Friction that drives is no friction."""
-    against = from_equation_error(lambda q, v: 2.0 * np.tanh(1e4 * v), unit="m").search
+    against = searched(lambda q, v: 2.0 * np.tanh(1e4 * v), unit="m")
     found = Subsets(against.r, {"coulomb_friction": against.shapes["coulomb_friction"]})
     assert found.members
     assert np.isinf(found.left(np.array([[0]]), 1e-6)).all()

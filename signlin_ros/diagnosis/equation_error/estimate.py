@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import compress
 
@@ -13,7 +13,7 @@ from signlin_ros.comparison.equations import inertia
 from signlin_ros.comparison.force_segment import ForceSegment, best_cutoff, effort_gain, force_segment, stamped
 from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA, Criteria
 from signlin_ros.diagnosis.equation_error.flexible import Curve, structured
-from signlin_ros.diagnosis.equation_error.laws import grid, laws
+from signlin_ros.diagnosis.equation_error.laws import LawRegressor, grid, laws
 from signlin_ros.diagnosis.equation_error.regression import (
     MIN_DIVISOR,
     Regression,
@@ -22,6 +22,7 @@ from signlin_ros.diagnosis.equation_error.regression import (
     base_of,
 )
 from signlin_ros.diagnosis.equation_error.search import SubsetSearch
+from signlin_ros.diagnosis.equation_error.waves import Waves
 from signlin_ros.diagnosis.output_error.trials import free_key
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.model import Model
@@ -39,41 +40,90 @@ BROADER = 1.2
 
 @dataclass(frozen=True, eq=False)
 class EquationErrorResult:
-    """What was found: ``search``, all sets of laws that were fitted, and a ``flexible`` curve beside the best."""
+    """What the equation-error estimate found of a model: values, by sets of laws.
 
-    search: SubsetSearch
+    ``regression``: both data, base parameters and laws; ``sets``: the best fit of every set of laws that was fitted, by
+    their names; ``base``: of none; ``fit``: the chosen set; ``sound``: the sets of which every law is needed;
+    ``helpful``: laws that take away some of the force residual, alone or beside others; ``waves``: orders that the
+    records can tell; ``flexible``: what a flexible curve takes away beside the chosen set; by its effects, ``beside``:
+    sets with another law in the place of one, and ``ties``: those that are as good.
+    """
+
+    regression: Regression
+    sets: Mapping[frozenset[str], RegressionFit]
+    base: RegressionFit
+    fit: RegressionFit
+    sound: frozenset[frozenset[str]]
+    helpful: frozenset[str]
+    waves: Waves
     flexible: Curve
+    beside: Mapping[str, tuple[RegressionFit, ...]]
+    ties: Mapping[str, tuple[str, ...]]
+
+    @classmethod
+    def of(cls, search: SubsetSearch) -> EquationErrorResult:
+        """Return what a search has found."""
+        fit, base = search.chosen, search.base
+        flexible = structured(search.r, search.waves, base, fit)
+        sets = dict(search.models)  # before what follows is asked: it does not depend on that
+        beside = {name: search.beside(fit, name) for name, _ in fit.members}
+        return cls(
+            search.r,
+            sets,
+            base,
+            fit,
+            frozenset(names for names, f in sets.items() if search.sound(f)),
+            search.helpful,
+            search.waves,
+            flexible,
+            beside,
+            {name: search.ties(fit, others) for name, others in beside.items()},
+        )
 
     @property
-    def fit(self) -> RegressionFit:
-        """The chosen set."""
-        return self.search.chosen
+    def training(self) -> RegressionData:
+        """Forces of the training data."""
+        return self.regression.known
+
+    @property
+    def validation(self) -> RegressionData:
+        """Forces of the validation data."""
+        return self.regression.unseen
+
+    @property
+    def laws(self) -> Mapping[str, LawRegressor]:
+        """The laws that forces show, by their names."""
+        return self.regression.laws
 
     @property
     def effects(self) -> tuple[str, ...]:
-        """Its names, in the order in which they were found."""
+        """The names of the chosen set, in the order in which they were found."""
         return tuple(n for n, _ in self.fit.members)
+
+    def structure_left(self, fit: RegressionFit) -> Curve:
+        """Return what a flexible curve takes away beside a fit."""
+        return structured(self.regression, self.waves, self.base, fit)
 
     def percent(self, fit: RegressionFit | None = None) -> float:
         """Return the force left of validation data in per cent of the effort."""
-        return self.search.r.percent(fit or self.fit)
+        return self.regression.percent(fit or self.fit)
 
     def residual_as_written(self, model: Model, known: bool = False) -> Array:
         """Return the squared force (blocks,) that a model as written leaves of validation data, or of ``known`` ones,
         at the effort as given.
         """
-        r = self.search.r
+        r = self.regression
         side = r.known if known else r.unseen
         left = side.missing(model) * effort_gain(r.model, r.current) / effort_gain(model, r.current)
         return side.by_block(stamped(left, side.X[:, -1]))
 
     def values(self, fit: RegressionFit, name: str) -> dict[str, float]:
         """Return the parameters of a law as a fit has them."""
-        return self.search.r.laws[name].parameters(dict(fit.members)[name], fit.theta[fit.spans[name]])
+        return self.laws[name].parameters(dict(fit.members)[name], fit.theta[fit.spans[name]])
 
     def with_laws(self, fit: RegressionFit) -> Model:
         """Return the model with the laws of a fit, all values as found there."""
-        r, model = self.search.r, self.search.r.model
+        r, model = self.regression, self.regression.model
         for name, _ in fit.members:
             model = model.with_effect(name, free_key(model, name), **self.values(fit, name))
         moved = zip(r.names[:-1], fit.theta, strict=False)
@@ -87,21 +137,29 @@ def estimate_equation_error(
     model = known.base
 
     def below(cutoff: float) -> EquationErrorResult:
-        first, second = ([force_segment(model, part, cutoff) for part in side.parts] for side in (known, unseen))
-        r = _regression(model, first, second, known.turns, criteria)
-        scale = _scale_of(model, first)
-        search = SubsetSearch(r, known.turns, {n: grid(law, scale) for n, law in r.laws.items()})
-        search.run()
-        return EquationErrorResult(search, structured(search, search.chosen))
+        return EquationErrorResult.of(subset_search(known, unseen, cutoff, criteria))
 
     cutoff = best_cutoff(model, known.parts, criteria.noise)
     first = below(cutoff)
-    wide = min(criteria.wider * cutoff, WIDEST / first.search.r.known.pieces[0].step)
+    wide = min(criteria.wider * cutoff, WIDEST / first.training.pieces[0].step)
     if (first.effects and not first.flexible.visible) or wide < BROADER * cutoff:
         return first
     second = below(wide)
     more = second.flexible.visible and (first.effects or first.flexible.visible)
     return second if second.effects and not more else first
+
+
+def subset_search(
+    known: Problem, unseen: Problem, cutoff: float, criteria: Criteria = DEFAULT_CRITERIA
+) -> SubsetSearch:
+    """Return the search among sets of laws below a cut-off in Hz, when it has been run."""
+    model = known.base
+    first, second = ([force_segment(model, part, cutoff) for part in side.parts] for side in (known, unseen))
+    r = _regression(model, first, second, known.turns, criteria)
+    scale = _scale_of(model, first)
+    search = SubsetSearch(r, known.turns, {n: grid(law, scale) for n, law in r.laws.items()})
+    search.run()
+    return search
 
 
 def _regression(
@@ -134,4 +192,4 @@ def _scale_of(model: Model, pieces: Sequence[ForceSegment]) -> Scale:
     return Scale(*sizes, pieces[0].step, max(float(p.t[-1]) for p in pieces), inertia(model))
 
 
-__all__ = ["EquationErrorResult", "estimate_equation_error"]
+__all__ = ["EquationErrorResult", "estimate_equation_error", "subset_search"]

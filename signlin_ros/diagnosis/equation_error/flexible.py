@@ -28,7 +28,7 @@ from signlin_ros.diagnosis.equation_error.regression import (
     RegressionFit,
     mean_certainty,
 )
-from signlin_ros.diagnosis.equation_error.search import SubsetSearch
+from signlin_ros.diagnosis.equation_error.waves import Waves
 
 Array = NDArray[np.float64]
 Columns = Callable[[ForceSegment], Array]
@@ -136,32 +136,32 @@ def _over_speed(r: Regression) -> Columns:
     return columns if inner.size > 1 else lambda piece: piece.seen(piece.sign[:, None])
 
 
-def _along_the_way(search: SubsetSearch, left: Array) -> tuple[Columns | None, list[str]]:
+def _along_the_way(r: Regression, waves: Waves, left: Array) -> tuple[Columns | None, list[str]]:
     """Return the waves of forces that repeat along the way, at the orders at which what is left (K,) of training data
     does most, and what each is; None where the position was not measured, or travels too little.
     """
-    known, plant = search.r.known, search.r.model.plant
+    known, plant = r.known, r.model.plant
     measured = all(p.position_measured for p in known.pieces)
-    waves = [
+    orders = [
         (name, N)
         for name, force in (FORCES if measured else {}).items()
-        for N in search.waves.strongest(left * np.concatenate([force(p)[p.kept] for p in known.pieces]))
+        for N in waves.strongest(left * np.concatenate([force(p)[p.kept] for p in known.pieces]))
     ]
 
     def columns(piece: ForceSegment) -> Array:
-        waving = [FORCES[n](piece) * f(N * piece.q) for n, N in waves for f in (np.sin, np.cos)]
+        waving = [FORCES[n](piece) * f(N * piece.q) for n, N in orders for f in (np.sin, np.cos)]
         return piece.seen(np.column_stack(waving))
 
     unit = plant.position_unit
-    often = [f"{N:g} times a turn" if search.whole else f"every {2 * np.pi / N:.3g} {unit}" for _, N in waves]
-    return columns if waves else None, [f"{n} that repeats {how}" for (n, _), how in zip(waves, often, strict=True)]
+    often = [f"{N:g} times a turn" if waves.whole else f"every {2 * np.pi / N:.3g} {unit}" for _, N in orders]
+    return columns if orders else None, [f"{n} that repeats {how}" for (n, _), how in zip(orders, often, strict=True)]
 
 
-def _unseen_after(search: SubsetSearch, fit: RegressionFit) -> tuple[Array, str]:
+def _unseen_after(r: Regression, waves: Waves, fit: RegressionFit) -> tuple[Array, str]:
     """Return what a flexible regression leaves (K,) of validation data, and which force repeats along the way, if
     any.
     """
-    r, (along, waves) = search.r, _along_the_way(search, fit.left)
+    along, told = _along_the_way(r, waves, fit.left)
     curves = [c for c in (along, _over_speed(r), _everything(r)) if c]
     known = [_scaled(r.known, c) for c in curves]
     tried = [_chosen(A, fit.left, r.known.blocks) for A, _, _ in known]
@@ -170,7 +170,7 @@ def _unseen_after(search: SubsetSearch, fit: RegressionFit) -> tuple[Array, str]
     theta = _ridge(A, fit.left, tried[k][1])
     V = np.vstack([curves[k](p) for p in r.unseen.pieces])
     most = int(np.argmax(np.abs(theta))) // 2
-    return np.asarray(fit.unseen - (V - centre) / scale @ theta), waves[most] if curves[k] is along else ""
+    return np.asarray(fit.unseen - (V - centre) / scale @ theta), told[most] if curves[k] is along else ""
 
 
 def _scaled(side: RegressionData, columns: Columns) -> tuple[Array, Array, Array]:
@@ -198,13 +198,15 @@ def _chosen(A: Array, y: Array, blocks: NDArray[np.intp]) -> tuple[float, float]
     return min(zip(errors.tolist(), WEIGHTS, strict=True))
 
 
-def structured(search: SubsetSearch, fit: RegressionFit) -> Curve:
-    """Return what a flexible regression makes of what a fit leaves of validation data."""
-    r, c = search.r, search.r.criteria
-    visible = c.flexible_share * search.base.error
+def structured(r: Regression, waves: Waves, base: RegressionFit, fit: RegressionFit) -> Curve:
+    """Return the force residual of a fit, of validation data, after a flexible regression; visible beside what the
+    ``base`` model leaves.
+    """
+    c = r.criteria
+    visible = c.flexible_share * base.error
     if fit.error <= visible:
         return Curve(False, np.inf)
-    left, along = _unseen_after(search, fit)
+    left, along = _unseen_after(r, waves, fit)
     flexible = RegressionFit((("flexible", ()),), fit.theta, fit.left, lambda: left)
     large = fit.error - flexible.error > visible
     return Curve(large and r.surely(flexible, fit) > c.flexible, r.percent(flexible), along)

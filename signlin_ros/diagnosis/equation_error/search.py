@@ -262,15 +262,22 @@ class SubsetSearch:
         c = self.r.criteria
         return self.r.surely(best, f) < c.tie or f.error < (1 + c.alike) ** 2 * best.error
 
-    def ties(self, f: RegressionFit, name: str) -> tuple[str, ...]:
-        """Return the laws that could as well stand in a fit for one of its own."""
+    def beside(self, f: RegressionFit, name: str) -> tuple[RegressionFit, ...]:
+        """Return the sets that have another law in the place of one of a fit's, each from all its shapes."""
         rest = self.without(f, name)
         others = [n for n in self.r.laws if n not in f.names]
-        new = [n for n in others if rest.names | {n} not in self.models]
+        found = {n: self.models[rest.names | {n}] for n in others if rest.names | {n} in self.models}
+        new = [n for n in others if n not in found]
         for members in self._subsets(rest.members).beside(rest.members, new, rest.trained) if new else ():
-            self._keep(self.r.fitted(members))
-        tried = {n: self.models.get(rest.names | {n}) for n in others}
-        return tuple(sorted(n for n, g in tried.items() if g and self.alike(f, g) and self._told(g, n)))
+            one = self.r.fitted(members)
+            (other,) = one.names - rest.names
+            found[other] = min(found.get(other, one), one, key=lambda g: g.trained)
+        return tuple(found.values())
+
+    def ties(self, f: RegressionFit, others: Sequence[RegressionFit]) -> tuple[str, ...]:
+        """Return the laws by which some sets differ from a fit, and which could as well stand in it."""
+        pairs = [(n, g) for g in others for n in g.names - f.names]
+        return tuple(sorted(n for n, g in pairs if self.alike(f, g) and self._told(g, n)))
 
 
 def _put(members: Sequence[Member], j: int, n: str, value: float) -> tuple[Member, ...]:

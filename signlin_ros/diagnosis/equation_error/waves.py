@@ -26,6 +26,7 @@ class Waves:
     """Orders in rad^-1 or m^-1, ``least`` periods of which are held: whole ones of a joint or its motor; or any."""
 
     def __init__(self, side: RegressionData, whole: bool, gear: float, least: float) -> None:
+        self.whole = whole
         self._side, cutoff = side, 2 * np.pi * side.pieces[0].cutoff
         self._q = np.concatenate([p.q[p.kept] for p in side.pieces])
         speed = np.concatenate([np.abs(p.v[p.kept]) for p in side.pieces])
