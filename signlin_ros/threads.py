@@ -1,10 +1,11 @@
-"""Linear algebra on one thread: matrices of some hundred rows are slower on several, and much slower beside others."""
+"""Threads: linear algebra on one (matrices of some hundred rows are slower on several); fits side by side."""
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
-from typing import ParamSpec, TypeVar
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, ParamSpec, TypeVar
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -23,4 +24,12 @@ def one_thread(f: Callable[P, T]) -> Callable[P, T]:
     return run
 
 
-__all__ = ["one_thread"]
+def side_by_side(do: Callable[[Any], Any], items: Sequence[Any], jobs: int) -> list[Any]:
+    """Return what is done to each of some items, in their order, by so many threads."""
+    if jobs == 1 or len(items) < 2:
+        return [do(item) for item in items]
+    with ThreadPoolExecutor(jobs) as pool:
+        return list(pool.map(do, items))
+
+
+__all__ = ["one_thread", "side_by_side"]

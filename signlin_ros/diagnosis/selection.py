@@ -18,6 +18,7 @@ from signlin_ros.diagnosis.equation_error.estimate import EquationErrorResult
 from signlin_ros.diagnosis.evidence import HALF, Evidence
 from signlin_ros.diagnosis.family import FamilyChoice
 from signlin_ros.diagnosis.output_error import FittedModel, OutputErrorEstimator
+from signlin_ros.diagnosis.output_error.forward import forward_selection
 from signlin_ros.diagnosis.output_error.trials import completed, free_key
 from signlin_ros.diagnosis.results import listed
 from signlin_ros.diagnosis.single_laws import complete, fit_every_law, fit_families, settled
@@ -77,7 +78,7 @@ def _stood_for(w: Evidence) -> tuple[FittedModel, str]:
         if together is not None:
             return together, ""
     if first is None or not w.explains(first):
-        path = w.motion.search(w.criteria.most, _searched(w), partial(_by_itself, w))
+        path = forward_selection(w.motion, w.criteria.most, _searched(w), partial(_by_itself, w))
         w.cache.keep(*(f for step in path for f in step))
         return _chosen(w, [first] if first else [], path[-1][0])
     found = _best_of(w, base, w.hidden, rival=first) or base

@@ -210,7 +210,7 @@ LAWS = ("coulomb_friction", "stribeck_friction", "gravity_load")
 
 def test_a_silent_force_witness_is_no_veto(monkeypatch):
     second = Fit(("input_delay",), (NOISE,), 1.0, white=True)
-    monkeypatch.setattr(Motion, "search", lambda motion, depth, names, single: [[motion.base], [second]], raising=False)
+    monkeypatch.setattr(selection, "forward_selection", lambda motion, depth, names, single: [[motion.base], [second]])
     w = both(Motion(BASE), None)
     found = select_model(w)
     assert (found.chosen, found.conflict) == (second, "")

@@ -12,8 +12,9 @@ from benchmarks.hidden.generator import draw, write
 from signlin_ros.diagnosis import add, diagnose, summary
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.evidence import Evidence
-from signlin_ros.diagnosis.output_error import FitCache, OutputErrorEstimator, estimator, estimator_of, fitting
+from signlin_ros.diagnosis.output_error import FitCache, OutputErrorEstimator, estimator_of, fitting
 from signlin_ros.diagnosis.output_error.fitted import covariance
+from signlin_ros.diagnosis.output_error.forward import forward_selection
 from signlin_ros.diagnosis.output_error.score import gain
 from signlin_ros.diagnosis.output_error.trials import Trial, trials, tryable
 from signlin_ros.diagnosis.progress import CancelledError, Progress
@@ -99,7 +100,7 @@ def test_a_friction_that_is_known_but_for_a_scale_is_there():
 
 def test_the_simplest_law_that_suffices_is_named():
     found = motion(COULOMB)
-    path = found.search(3)
+    path = forward_selection(found, 3)
     assert path[-1][0].effects == ("coulomb_friction",)
     mu = path[-1][0].parameters["coulomb_friction.mu"]
     assert abs(mu.value - 2.0) < 4 * mu.std < 0.5
@@ -157,7 +158,7 @@ def test_it_stops_when_asked():
     sides = prepared(Model.from_dict(BASE), *held_out([record(COULOMB, 1)]))
     watched = Progress(lambda stage, share: asked.append(stage), lambda: len(asked) > 0)
     with pytest.raises(CancelledError):
-        estimator_of(*sides, Criteria(), FitCache(), watched).search(3)
+        forward_selection(estimator_of(*sides, Criteria(), FitCache(), watched), 3)
     assert len(asked) == 1
 
 
@@ -174,7 +175,8 @@ def test_records_of_an_independent_program(group, index, tmp_path):
     folder = write(drawn, tmp_path)
     paths = [str(folder / f"{part}.csv") for part in ("estimation", "validation")]
     model, (known, unseen) = load_records(Model.load(folder / "model.yaml"), paths)
-    final = estimator_of(*prepared(model, [known], [unseen]), Criteria(), FitCache(), jobs=1).search(3)[-1][0]
+    found = estimator_of(*prepared(model, [known], [unseen]), Criteria(), FitCache(), jobs=1)
+    final = forward_selection(found, 3)[-1][0]
     assert {*final.effects} == {*drawn.truth["hidden"]} - {"none"}
     assert final.white
 
@@ -277,8 +279,10 @@ def test_every_channel_is_judged_from_the_observer_that_predicts_it_best(monkeyp
     def windowed(problem: Problem, c: Candidate, theta: np.ndarray, gains: ObserverGains) -> np.ndarray:
         return np.tile(known[gains.tau] if problem is found.problem else 2 * (10.0 * gains.tau,), (5, 1))
 
-    monkeypatch.setattr(estimator, "windowed", windowed)
-    squares, unseen = found._windows(found.base.fit.candidate, found.base.fit.theta)
+    monkeypatch.setattr(fitting, "windowed", windowed)
+    squares, unseen = fitting.window_squares(
+        found.problem, found.unseen, found.base.fit.candidate, found.base.fit.theta
+    )
     first, second = (10.0 * found.problem.levels[k].tau for k in (1, 2))
     assert squares == pytest.approx(np.ones((5, 2)))
     assert unseen == pytest.approx(np.tile([first, second], (5, 1)))

@@ -7,7 +7,6 @@ from __future__ import annotations
 import functools
 import os
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
 from typing import Any
@@ -27,14 +26,13 @@ from signlin_ros.diagnosis.output_error.fitting import (
     bred,
     cheapest,
     climbed,
-    in_turn,
-    of_own,
     promising,
     settled,
+    window_squares,
     without,
 )
 from signlin_ros.diagnosis.output_error.residual import left
-from signlin_ros.diagnosis.output_error.score import level, windowed
+from signlin_ros.diagnosis.output_error.score import level
 from signlin_ros.diagnosis.output_error.trials import CandidateParts, Trial, completed, rescanned, trials, tryable
 from signlin_ros.diagnosis.progress import Progress
 from signlin_ros.effects import EFFECTS
@@ -46,9 +44,7 @@ from signlin_ros.fitting.problem import Problem
 from signlin_ros.follow.data import unit_asked
 from signlin_ros.model import Model
 from signlin_ros.model.numbers import numbers
-
-BEAM = 2
-"""How many single effects a search tries with every other one where none is enough by itself."""
+from signlin_ros.threads import side_by_side
 
 Array = NDArray[np.float64]
 
@@ -94,10 +90,7 @@ class OutputErrorEstimator(Decisions):
 
     def each(self, do: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:
         """Do a thing to each, side by side."""
-        if self.jobs == 1 or len(items) < 2:
-            return [do(item) for item in items]
-        with ThreadPoolExecutor(self.jobs) as pool:
-            return list(pool.map(do, items))
+        return side_by_side(do, items, self.jobs)
 
     # ------------------------------------------------------------ fits
 
@@ -136,13 +129,13 @@ class OutputErrorEstimator(Decisions):
         """Return a fit with all that is told of it, or the best of its class, if that is another one."""
         mine = self._told(found.fit, found.low)
         known = self.cache.best.get(mine.kind)
-        if known is None or self._level(mine.training_squares) < self._level(known.training_squares):
+        if known is None or self._errs_less(mine, known):
             self.cache.best[mine.kind] = mine
             self.progress.seen(mine)
         return self.cache.best[mine.kind]
 
     def _told(self, f: Fit, low: Fit) -> FittedModel:
-        """Return a fit with all that is told of it: errors are `_windows`, what is left is that of ``low``."""
+        """Return a fit with all that is told of it: errors are `window_squares`, what is left is that of ``low``."""
         f = tidied(f)
         whole, errors, uses = CandidateParts.of(f).whole, covariances(self.short, f), f.candidate.model.effects
         coordinates = coordinates_of(f, errors)
@@ -150,7 +143,7 @@ class OutputErrorEstimator(Decisions):
             tuple(uses[k].type if k in uses else k.partition(".")[0] for k in f.candidate.label),
             whole,
             estimates(self.problem, whole, coordinates),
-            *self._windows(f.candidate, f.theta),
+            *window_squares(self.problem, self.unseen, f.candidate, f.theta),
             self.unseen.noise,
             f,
             coordinates,
@@ -159,26 +152,9 @@ class OutputErrorEstimator(Decisions):
             functools.cache(functools.partial(without, self.short, f, errors)),
         )
 
-    def _windows(self, c: Candidate, theta: Array, as_it_is: bool = False) -> tuple[Array, Array]:
-        """Return the squared errors of known and validation data, of each channel from the observer that predicts the
-        known ones of it best: from one for all, a channel rose. Where records are held out in turn, what is known is
-        fitted to the others each time, unless a model is taken ``as_it_is``.
-        """
-        levels = self.problem.levels
-        if self.unseen.folds:
-            known = windowed(self.problem, c, theta, levels[0])
-            return known, known if as_it_is else in_turn(self.problem, c, theta, self.unseen.folds)
-        known = np.array([windowed(self.problem, c, theta, gains) for gains in levels])
-        own = np.argmin(np.nan_to_num(known).mean(axis=1), axis=0).tolist()
-        fitted = {s.source for s in (self.unseen if as_it_is else self.problem).segments}
-        unseen = {
-            k: windowed(self.unseen, *of_own(self.unseen, c, theta, levels[k], fitted), levels[k]) for k in set(own)
-        }
-        pairs = list(enumerate(own))
-        return np.column_stack([known[k, :, i] for i, k in pairs]), np.column_stack([unseen[k][:, i] for i, k in pairs])
-
-    def _level(self, squares: Array) -> float:
-        return level(squares, self.problem.noise)
+    def _errs_less(self, one: FittedModel, other: FittedModel) -> bool:
+        """Tell whether a fit errs less than another one on the training data."""
+        return level(one.training_squares, self.problem.noise) < level(other.training_squares, self.problem.noise)
 
     def fitted(self, effects: Sequence[str], start: Model | None = None) -> FittedModel:
         """Return the best fit of these effects beside the base parameters: from the values of ``start``, if it has all
@@ -204,9 +180,9 @@ class OutputErrorEstimator(Decisions):
         return self._told(f, f) if f else None
 
     def as_it_is(self, model: Model, effects: tuple[str, ...] = ()) -> FittedModel:
-        """Return a model of the same states as the one given as it is: nothing is fitted, errors are `_windows`."""
+        """Return a model of the same states as the one given as it is: nothing is fitted; `window_squares`."""
         c = candidate(replace(self.problem, base=model), model, ())
-        squares, unseen = self._windows(c, c.start(), as_it_is=True)
+        squares, unseen = window_squares(self.problem, self.unseen, c, c.start(), as_it_is=True)
         return replace(self.base, effects=effects, model=model, training_squares=squares, validation_squares=unseen)
 
     def soon(self, c: Candidate, theta: Array) -> float:
@@ -322,7 +298,7 @@ class OutputErrorEstimator(Decisions):
                 continue
             again = self._lower(other.fit, [(one, one.start(found.fit.parameters()))])
             best = self._keep(self._nearby(again)) if again else other
-            if self._level(best.training_squares) < self._level(mine.training_squares):
+            if self._errs_less(best, mine):
                 better = self._lower(found.fit, [(c, c.as_without(best.fit.parameters(), best.kind))])
                 mine = self._keep(self._nearby(better)) if better else mine
         return mine
@@ -402,40 +378,6 @@ class OutputErrorEstimator(Decisions):
         self.progress.say("effects with many local minima")
         fits = [bred(self.short, self.best(of).fit, t, self.each) for t in options]
         return self._all_finished(of, [f for f in fits if f])
-
-    # ------------------------------------------------------------ one effect after the other
-
-    def search(
-        self,
-        depth: int,
-        names: Sequence[str] | None = None,
-        single: Callable[[FittedModel], FittedModel | None] = lambda _: None,
-    ) -> list[list[FittedModel]]:
-        """Return the steps from the base to what is proposed: of each what was taken, then the other options, least
-        error first. The first is the base; the last holds what was tried in vain too. ``names``: tried, all by default;
-        ``single`` finds the one effect that is enough where the first step leaves more than noise.
-        """
-        now = self.base
-        path = [[now]]
-        while len(now.effects) < depth and (len(path) == 1 or not now.white):
-            options = self.extensions(now, names)
-            alike = self.alike(now, options)
-            if len(path) == 1 and not (alike and alike[0].white) and (whole := single(alike[0] if alike else now)):
-                return [path[0], [whole, *options]]
-            if not (now.white or (alike and alike[0].white)):
-                options += self.bred(now, names)
-                alike = self.alike(now, options)
-            if not alike and depth > 1 and not (now.white or now.effects):
-                options += [two for one in options[:BEAM] for two in self.extensions(one, names)]
-                options = [*{one.kind: self.best(one) for one in options}.values()]  # a larger one may show the way
-                alike = self.alike(now, options)
-            if not alike:
-                path[-1] += [one for one in options if one not in path[-1]]
-                break
-            now = alike[0]
-            path.append([now, *(one for one in options if one is not now)])
-        path[0][0] = self.best(path[0][0])
-        return path
 
 
 def estimator_of(

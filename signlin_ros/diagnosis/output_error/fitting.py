@@ -127,6 +127,25 @@ def of_own(
     return other, start if f is None else f.theta
 
 
+def window_squares(
+    problem: Problem, unseen: Problem, c: Candidate, theta: Array, as_it_is: bool = False
+) -> tuple[Array, Array]:
+    """Return the squared errors (blocks, channels) of training and validation data over windows, of each channel from
+    the observer that predicts its training data best: from one for all, a channel rose. Where records are held out in
+    turn, parameters are fitted to the others each time, unless a model is taken ``as_it_is``.
+    """
+    levels = problem.levels
+    if unseen.folds:
+        known = windowed(problem, c, theta, levels[0])
+        return known, known if as_it_is else in_turn(problem, c, theta, unseen.folds)
+    known = np.array([windowed(problem, c, theta, gains) for gains in levels])
+    own = np.argmin(np.nan_to_num(known).mean(axis=1), axis=0).tolist()
+    fitted = {s.source for s in (unseen if as_it_is else problem).segments}
+    left = {k: windowed(unseen, *of_own(unseen, c, theta, levels[k], fitted), levels[k]) for k in set(own)}
+    pairs = list(enumerate(own))
+    return np.column_stack([known[k, :, i] for i, k in pairs]), np.column_stack([left[k][:, i] for i, k in pairs])
+
+
 def without(problem: Problem, f: Fit, covariances: Sequence[Array], index: tuple[int, ...]) -> float:
     """Return by how many standard errors coordinates of added effects differ from nothing, by how much the likelihood
     falls where they are held there [Wilks 1938, doi:10.1214/aoms/1177732360], which does not depend on their units. The
@@ -230,8 +249,8 @@ __all__ = [
     "bred",
     "cheapest",
     "climbed",
-    "of_own",
     "promising",
     "settled",
+    "window_squares",
     "without",
 ]
