@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -18,6 +18,9 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 from signlin_ros.linearization import Linearization
 from signlin_ros.model import Model
 from signlin_ros.nodes.linearizer_logic import Refusal, Update
+
+if TYPE_CHECKING:
+    from signlin_ros.nodes.monitor_logic import MonitorScore
 
 Array = NDArray[np.float64]
 NANO = 1_000_000_000
@@ -173,6 +176,17 @@ def read_model(message: Float64MultiArray) -> Update:
     f = A @ x + B @ u + c
     result = Linearization(A=A, B=B, c=c, x=x, u=u, f=f, method="", in_valid_range=bool(head[3]), delay=0.0)
     return Update(stamp=int(head[0]) * NANO + int(head[1]), sequence=int(head[2]), result=result)
+
+
+ERROR_LABEL = "sec, nanosec, n, error of A B c, error without friction, RMS of both over the window, fit in percent"
+"""What stands in ``~/error``: two numbers of the stamp, n, then five times n values."""
+
+
+def error_message(score: MonitorScore) -> Float64MultiArray:
+    """Return a score as the flat message of ``~/error``; its label names the layout."""
+    head = [*divmod(score.stamp, NANO), len(score.error)]
+    values = [*head, *score.error, *score.bare, *score.rms, *score.rms_bare, *score.fit]
+    return vector([float(value) for value in values], ERROR_LABEL)
 
 
 def joint_state(joint: str, values: Mapping[str, float], nanosec: int) -> JointState:

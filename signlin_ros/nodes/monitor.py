@@ -1,8 +1,8 @@
 """The node ``monitor``: how wrong the linearizer's model is, since when, and what would make it right.
 
 Subscribes ``state`` or ``joint_states``, ``input``, ``linearizer/model`` and ``linearizer/model_yaml``; publishes
-``~/error``, ``~/verdict``, ``~/plan`` and ``/diagnostics``; services ``~/diagnose``, ``~/experiment``, ``~/apply``,
-``~/revert``, ``~/record``.
+``~/error``, ``~/verdict``, ``~/plan``, ``~/plot/...`` and ``/diagnostics``; services ``~/diagnose``, ``~/experiment``,
+``~/apply``, ``~/revert``, ``~/record``.
 """
 
 from __future__ import annotations
@@ -34,8 +34,9 @@ from signlin_ros.nodes.joint import measured_states
 from signlin_ros.nodes.joints import refuse_arm
 from signlin_ros.nodes.linearizer_logic import NANO, Refusal
 from signlin_ros.nodes.managed import ManagedNode
-from signlin_ros.nodes.monitor_logic import MonitorLogic, MonitorScore, MonitorSettings
+from signlin_ros.nodes.monitor_logic import MonitorLogic, MonitorSettings
 from signlin_ros.nodes.overrides import Overridable
+from signlin_ros.nodes.plotted import ScalarTopics
 from signlin_ros.nodes.qos import LATCHED, RECORD_QOS, RELIABLE
 from signlin_ros.nodes.runner import run
 from signlin_ros.records import write_record
@@ -52,6 +53,7 @@ OPTIONS = {
         30.0, "time at the start, while all is well, in which is learnt what is usual [s]", 5.0, 86400.0
     ),
     "warn_above": Overridable(3.0, "multiple of the usual error of a prediction above which it warns", 1.0, 1e6),
+    "plot": Overridable(True, "single numbers with names on ~/plot/..., for PlotJuggler and Foxglove"),
     "folder": Overridable("", "where diagnoses and records are written; empty: a temporary folder"),
 }
 MIN_TIME_SINCE_CHANGE = 20
@@ -62,8 +64,6 @@ LOOK_PERIOD = 0.1
 """Seconds between two looks at what has come."""
 GATHER_REST = 0.02
 """Seconds for which messages gather: nobody waits for what the monitor says."""
-ERROR_LABEL = "sec, nanosec, n, error of A B c, error without friction, RMS of both over the window, fit in percent"
-"""What stands in ``~/error``: two numbers of the stamp, n, then five times n values."""
 
 
 class MonitorNode(ManagedNode):
@@ -98,6 +98,7 @@ class MonitorNode(ManagedNode):
         option = self.options
         settings = MonitorSettings(option["keep"], option["window"], option["learn"], option["warn_above"])
         self.logic = MonitorLogic(settings, self.now())
+        self._plotted = ScalarTopics(self, option["plot"])
         self._errors = self.create_publisher(Float64MultiArray, "~/error", RELIABLE)
         self._verdicts = self.create_publisher(String, "~/verdict", LATCHED)
         self._plans = self.create_publisher(String, "~/plan", LATCHED)
@@ -148,6 +149,8 @@ class MonitorNode(ManagedNode):
         if self._client is not None:
             self.destroy_client(self._client)
         self._client = None
+        if self.logic is not None:
+            self._plotted.close()
         self._made, self._errors, self._verdicts = [], None, None
         self._give_up()
 
@@ -173,12 +176,16 @@ class MonitorNode(ManagedNode):
             return
         if self.logic.model is None or model != self.logic.model:
             self.logic.configure(model, self.now())
+            self._plotted.take_model(model, self.logic.bare_linearizer)
 
     def _on_update(self, message: Float64MultiArray) -> None:
         try:
-            self.logic.take_update(convert.read_model(message))
+            update = convert.read_model(message)
         except (ValueError, IndexError):
             self.logic.take_shown(Refusal("model_layout", "not the layout of ~/model"), 0)
+            return
+        if self.logic.take_update(update):
+            self._plotted.tell_update(update)
 
     def _take_input(self, message: Float64MultiArray, came: int) -> None:
         if self.logic.model is not None:
@@ -223,7 +230,8 @@ class MonitorNode(ManagedNode):
             gathering.pump()
         scores, alarm = self.logic.work(self.now())
         for score in scores:
-            self._errors.publish(error_message(score))
+            self._errors.publish(convert.error_message(score))
+            self._plotted.tell_score(score)
         if alarm is not None:
             since = self.logic.alarm_stamp or 0
             sentence = f"the machine has changed ({alarm.kind}), since {since / NANO:.2f} s"
@@ -381,13 +389,6 @@ class MonitorNode(ManagedNode):
         folder = self._folder / f"{what}_{time.strftime('%Y%m%d_%H%M%S')}_{os.getpid()}"
         folder.mkdir(parents=True, exist_ok=True)
         return folder
-
-
-def error_message(score: MonitorScore) -> Float64MultiArray:
-    """Return a score as the flat message of ``~/error``; its label names the layout."""
-    head = [*divmod(score.stamp, NANO), len(score.error)]
-    values = [*head, *score.error, *score.bare, *score.rms, *score.rms_bare, *score.fit]
-    return convert.vector([float(value) for value in values], ERROR_LABEL)
 
 
 def _answer(response: Trigger.Response, success: bool, message: str) -> Trigger.Response:

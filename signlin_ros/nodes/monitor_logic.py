@@ -80,7 +80,7 @@ class MonitorLogic:
     def configure(self, model: Model, now: int) -> None:
         """Take another model to watch with; what was seen stays, what is usual is learnt anew."""
         bare = without_dry_friction(model).with_options(operating_point="start")
-        self._bare, self._bare_linearizer = bare, Linearizer(bare)
+        self._bare, self.bare_linearizer = bare, Linearizer(bare)
         self.model = model
         self._forget_model(now)
 
@@ -127,10 +127,12 @@ class MonitorLogic:
                 self._watch.take_input(self._seconds(stamp), self._inputs[-1][1])
         self._watch.take(self._seconds(stamp), shown)
 
-    def take_update(self, update: Update) -> None:
-        """Take a model that the linearizer has published."""
-        if self.model is not None and update.result.B.shape == (len(self.model.states), len(self.model.inputs)):
+    def take_update(self, update: Update) -> bool:
+        """Take a model that the linearizer has published; returns whether it is one of the present model."""
+        fits = self.model is not None and update.result.B.shape == (len(self.model.states), len(self.model.inputs))
+        if fits:
             self._updates.append(update)
+        return fits
 
     def _refuse(self, kind: str) -> None:
         self.refused[kind] = self.refused.get(kind, 0) + 1
@@ -288,7 +290,7 @@ class MonitorLogic:
         reached = _carried(update.result, before, u, period / NANO)
         kept = [self.model.states.index(name) for name in self._bare.states]
         free = after.copy()
-        free[kept] = _carried(self._bare_linearizer(before[kept], u[0]), before[kept], u, period / NANO)
+        free[kept] = _carried(self.bare_linearizer(before[kept], u[0]), before[kept], u, period / NANO)
         self._judged.append(_Judged(update.stamp, reached - after, free - after, after))
         while self._judged[0].stamp < update.stamp - self.settings.window * NANO:
             self._judged.popleft()

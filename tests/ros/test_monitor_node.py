@@ -11,13 +11,14 @@ import pytest
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed: pip install 'signlin_ros[ros]'")
 
-from std_msgs.msg import Float64MultiArray, String
+from std_msgs.msg import Float64, Float64MultiArray, String
 from std_srvs.srv import Trigger
 
 from signlin_ros.model import Model
 
 PERIOD, PATIENCE = 7.0, 600.0
 """Period of the input in s, over whole ones of which errors are compared; how long to wait for the verdict."""
+PLOTTED = ("error/speed", "rms/speed", "A/position/speed", "B/current/voltage", "pole_1/real", "friction/speed")
 
 
 def trigger(graph: Any, service: str) -> Any:
@@ -47,6 +48,10 @@ def test_what_is_found_is_applied_and_taken_back(graph: Any, tmp_path: Path) -> 
     graph.start("monitor", joint, "learn:=10.0", f"folder:={tmp_path}", model=tmp_path / "nominal.yaml")
     errors, verdicts = graph.collect(Float64MultiArray, "/monitor/error"), graph.collect(String, "/monitor/verdict")
     graph.wait(lambda: errors, "the first error", PATIENCE)
+    plotted = {name: graph.collect(Float64, f"/monitor/plot/{name}") for name in PLOTTED}
+    graph.wait(lambda: all(plotted.values()), "numbers with names", PATIENCE)
+    assert plotted["A/position/speed"][-1].data == 1.0
+    assert plotted["friction/speed"][-1].data == pytest.approx(0.0, abs=1e-9)  # the model has none yet
     assert not trigger(graph, "apply").success
     assert not trigger(graph, "experiment").success
     plans = graph.collect(String, "/monitor/plan")
