@@ -91,6 +91,41 @@ def test_arrays_of_more_than_two_gigabytes_are_refused_before_they_are_unpacked(
     pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
     pq.write_table(pa.table(columns), tmp_path / "a.parquet")
     assert "bytes of arrays" in refused(tmp_path / "a.parquet")
+    feather = pytest.importorskip("pyarrow.feather")
+    feather.write_feather(pa.table(columns), tmp_path / "a.feather", compression="lz4", chunksize=500)
+    assert "bytes of arrays" in refused(tmp_path / "a.feather")
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning", "ignore::UserWarning")
+def test_channels_of_a_measurement_file_are_counted_before_they_are_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asammdf = pytest.importorskip("asammdf")
+    t = np.arange(5000) * 0.01
+    with asammdf.MDF(version="4.10") as file:
+        file.append(asammdf.Signal(samples=np.zeros(5000), timestamps=t, name="speed", unit="rpm"))
+        file.save(tmp_path / "a.mf4", compression=2)
+    monkeypatch.setattr(limits, "UNPACKED", 10_000)
+    monkeypatch.setattr(asammdf.MDF, "iter_channels", lambda *_, **__: pytest.fail("they were read"))
+    assert "bytes of arrays" in refused(tmp_path / "a.mf4")
+
+
+def test_a_recording_that_packs_too_well_is_refused(tmp_path: Path) -> None:
+    pytest.importorskip("rosbags")
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    message = store.types["std_msgs/msg/Float64MultiArray"]
+    layout = store.types["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
+    writer = Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP)
+    writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+    with writer:
+        connection = writer.add_connection("/state", message.__msgtype__, typestore=store)
+        zeros = store.serialize_cdr(message(layout=layout, data=np.zeros(50_000)), message.__msgtype__)
+        for k in range(40):
+            writer.write(connection, k * 1_000_000, zeros)
+    assert "allowed: at most 2 GB or 100 times the file" in refused(next((tmp_path / "bag").glob("*.mcap")))
 
 
 @pytest.mark.parametrize("cell", ["1" * 3_000_000, '"' + "a" * 3_000_000, "a" * 3_000_000, "1e" + "9" * 3_000_000])

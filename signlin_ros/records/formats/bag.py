@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signlin_ros.errors import MissingExtraError, RecordError
+from signlin_ros.records import limits
 from signlin_ros.records.align import align, looks_held, named
 from signlin_ros.records.clean import renamed
 from signlin_ros.records.formats.bag_clock import MIN_CLOCK_JUMP, clocks, restarts, seconds
@@ -171,7 +172,10 @@ def _read_messages(bag: _Bag, reader: Any, paths: list[Path]) -> None:
     connections = [connection for connection in reader.connections if connection.topic in bag.topics]
     for name in bag.topics:
         bag.received[name], bag.header[name], bag.order[name] = [], [], []
+    packed, held = sum(file.stat().st_size for path in paths for file in (path, *path.glob("**/*"))), 0
     for topic, kind, stamp, raw in _messages(reader, connections, paths):
+        held += len(raw)
+        limits.check_unpacked(held, packed, bag.source)
         message = reader.deserialize(raw, kind)
         bag.topics[topic].add(message)
         bag.received[topic].append(stamp)

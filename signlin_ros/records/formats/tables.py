@@ -83,8 +83,14 @@ def _arrow(path: Path) -> Iterable[Column]:
     """Feather files too, which are Arrow's; no streams."""
     import pyarrow.ipc
 
+    batches, size = [], 0
     with pyarrow.OSFile(str(path)) as file:
-        yield from _arrow_columns(pyarrow.ipc.open_file(file).read_all())
+        reader = pyarrow.ipc.open_file(file)
+        for k in range(reader.num_record_batches):
+            batches.append(reader.get_batch(k))
+            size += batches[-1].nbytes
+            limits.check_size(size, path.name)
+        yield from _arrow_columns(pyarrow.Table.from_batches(batches, reader.schema))
 
 
 def _arrow_columns(table: Any) -> Iterable[Column]:
@@ -120,11 +126,14 @@ def _mdf(path: Path) -> Iterable[Column]:
     import asammdf
 
     with asammdf.MDF(path) as file:
+        groups = [group.channel_group for group in file.groups]
+        limits.check_size(sum(g.cycles_nr * getattr(g, "samples_byte_nr", 0) for g in groups), path.name)
         signals = list(file.iter_channels(skip_master=True))
     signals = [signal for signal in signals if signal.samples.ndim == 1 and signal.samples.dtype.kind in "fiub"]
     if not signals:
         return
     t = np.unique(np.concatenate([signal.timestamps for signal in signals]))
+    limits.check_size(t.nbytes * (1 + len(signals)), path.name)
     yield "t", "s", t
     yield from (_placed(s.name, s.unit or "", s.timestamps, s.samples, t) for s in signals)
 
