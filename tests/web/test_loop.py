@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -19,6 +20,17 @@ def scores(page: Page) -> dict[str, dict[str, float]]:
     rows = page.driver.find_elements("css selector", "#stage-compare table.scores tbody tr")
     kinds = ("windowed", "free")
     return {r.get_attribute("data-channel"): {k: float(r.get_attribute(f"data-{k}")) for k in kinds} for r in rows}
+
+
+def crosshair(page: Page, plots: str) -> list[str]:
+    """Point into the middle of the first of some plots; return what stands at the crosshair of each."""
+    from selenium.webdriver import ActionChains
+
+    inside = page.driver.find_element("css selector", f"#{plots} .u-over")
+    page.driver.execute_script("arguments[0].scrollIntoView({block: 'center', behavior: 'instant'})", inside)
+    ActionChains(page.driver).move_to_element(inside).perform()
+    text = "return [...document.querySelectorAll(`#${arguments[0]} .reading`)].map((e) => e.textContent)"
+    return list(page.wait(lambda: [t for t in page.driver.execute_script(text, plots) if t], "values at the crosshair"))
 
 
 def environment() -> dict[str, str]:
@@ -52,6 +64,9 @@ def test_the_loop_by_clicks_alone(
     page.done("compare")
     page.wait(lambda: page.driver.find_elements("css selector", "#plots-compare canvas"), "the curves")
     page.picture("4_compare", "stage-compare")
+    page.still()
+    readings = crosshair(page, "plots-compare")
+    assert re.search(r"\d s: measured -?[\d.e-]+, simulated -?[\d.e-]+ rad/s", " ".join(readings)), readings
     before = scores(page)
     page.click("do-diagnose")
     page.picture("5_diagnosing", "stage-diagnose")
@@ -62,6 +77,10 @@ def test_the_loop_by_clicks_alone(
     page.done("add")
     page.wait(lambda: page.driver.find_elements("css selector", "#ladder svg"), "the ladder")
     page.picture("7_added", "stage-add")
+    page.driver.execute_script("document.getElementById('shown-coulomb_friction').open = true")
+    evidence = page.driver.find_element("id", "shown-coulomb_friction")
+    page.wait(lambda: "their mean, ± 2 standard errors" in evidence.text, "the legend of the evidence")
+    assert "computed with coulomb friction" in evidence.text
     after = scores(page)
     assert after["speed"]["windowed"] < 0.5 * before["speed"]["windowed"]
     page.click("do-use")

@@ -15,7 +15,7 @@ import pytest
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model
 from signlin_ros.report import waves
-from signlin_ros.workbench import further
+from signlin_ros.workbench import further, stages
 from signlin_ros.workbench.calls import WORKER_CALLS
 
 if TYPE_CHECKING:
@@ -165,6 +165,30 @@ def test_what_was_not_computed_is_no_bar() -> None:
     text = (STATIC / "svg.js").read_text()
     assert "not computed" in text
     assert "(s?.rmse ?? 0)) / top, 1)" not in text
+
+
+@pytest.mark.parametrize(("effects", "shown"), [(0, True), (1, False)])
+def test_what_a_diagnosis_has_found_with_its_error_is_not_said_to_be_unknown(
+    monkeypatch: pytest.MonkeyPatch, effects: int, shown: bool
+) -> None:
+    from types import SimpleNamespace
+
+    finding = {"check": "excitation", "severity": "note", "channel": "", "sentence": "the record tells nothing of B"}
+    found = {
+        "check": {"json": {"findings": [finding]}, "directions": [None]},
+        "diagnose": {"json": {"ladder": [{}] * (1 + effects)}},
+    }
+    session = SimpleNamespace(project=SimpleNamespace(choices={"cures": []}))
+    monkeypatch.setattr(stages, "before", lambda _: "")
+    monkeypatch.setattr(stages, "question", lambda *_: {"data": [], "validation": []})
+    monkeypatch.setattr(stages, "result", lambda _, name, __: found[name])
+    monkeypatch.setattr(stages.commands, "command", lambda _: "")
+    for name in ("_named", "_looked"):
+        monkeypatch.setattr(stages, name, lambda _: "")
+    monkeypatch.setattr(stages, "_whose_numbers", lambda *_: "")
+    monkeypatch.setattr(stages, "_remaps", lambda _, found: found["directions"])
+    block = stages.check(session)  # type: ignore[arg-type]
+    assert bool(block["findings"]) is shown
 
 
 # -------------------------------------------------------------------- projects
