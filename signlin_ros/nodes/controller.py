@@ -23,7 +23,7 @@ from signlin_ros.nodes.controller_logic import LONGEST_REFERENCE, ControllerLogi
 from signlin_ros.nodes.joints import refuse_arm
 from signlin_ros.nodes.overrides import Overridable
 from signlin_ros.nodes.parameters import ModelNode, on_change
-from signlin_ros.nodes.qos import LATCHED, RELIABLE, SENSOR_QOS
+from signlin_ros.nodes.qos import LATCHED, NEWEST, RELIABLE
 from signlin_ros.nodes.runner import run
 
 OPTIONS = {
@@ -93,13 +93,13 @@ class ControllerNode(ModelNode):
         self.logic = ControllerLogic(self.model, settings_of(option), timeouts, option["needs_model"])
         self._input = self.create_publisher(Float64MultiArray, "input", RELIABLE)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self.create_subscription(Float64MultiArray, "reference", self._on_reference, SENSOR_QOS)
+        self.create_subscription(Float64MultiArray, "reference", self._on_reference, NEWEST)
         self.create_subscription(Float64MultiArray, "linearizer/model", self._on_model, LATCHED)
         self.create_subscription(String, "linearizer/model_yaml", self._on_yaml, LATCHED)
         if option["state_source"] == "array":
-            self.create_subscription(Float64MultiArray, "state", self._on_state, SENSOR_QOS)
+            self.create_subscription(Float64MultiArray, "state", self._on_state, NEWEST)
         else:
-            self.create_subscription(JointState, "joint_states", self._on_joint_state, SENSOR_QOS)
+            self.create_subscription(JointState, "joint_states", self._on_joint_state, NEWEST)
         self._timer = self.create_timer(option["control_period"], self._on_period)
         self._slow_timer = self.create_timer(1.0, self._on_second, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._latest = 0

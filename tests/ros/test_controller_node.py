@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from pathlib import Path
@@ -16,6 +17,7 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed: pip install 'signli
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 
 from signlin_ros.linearization import Linearizer
@@ -122,3 +124,33 @@ def test_design_and_bandwidth_change_at_run_time_and_nonsense_is_refused(graph):
     assert not result.successful
     assert "along_reference" in result.reason
     assert not graph.set_parameter("limit", 5.0, "/controller").successful
+
+
+def test_after_a_pause_it_takes_the_newest_state_and_not_those_that_have_queued_up(graph):
+    joint = ("limit:=12.0", "largest_speed:=5.0", "state_source:=joint_state", "state_timeout:=1.0")
+    process = graph.start("controller", *joint, model="dc_motor.yaml")
+    graph.wait(lambda: graph.node.count_subscribers("/joint_states"), "the controller", PATIENCE)
+    states, health = graph.publisher(JointState, "/joint_states"), graph.collect(DiagnosticArray, "/diagnostics")
+
+    def shown() -> None:
+        now = graph.node.get_clock().now().nanoseconds
+        states.publish(convert.joint_state("joint", {"position": 0.0, "velocity": 1.0}, now))
+        graph.spin(0.02)
+
+    def values() -> dict[str, str]:
+        return {v.key: v.value for v in health[-1].status[0].values} if health else {}
+
+    def taken() -> bool:
+        shown()
+        return float(values().get("age of the state [s]", "inf")) < 1.0
+
+    graph.wait(taken, "a state to be taken", PATIENCE)
+    before = int(values()["messages refused"])
+    os.kill(process.popen.pid, signal.SIGSTOP)
+    end = monotonic() + 3.0  # more than the state may be old
+    while monotonic() < end:
+        shown()
+    os.kill(process.popen.pid, signal.SIGCONT)
+    health.clear()
+    graph.wait(taken, "the newest state to be taken", PATIENCE)
+    assert int(values()["messages refused"]) - before < 10  # of a hundred
