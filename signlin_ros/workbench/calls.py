@@ -25,6 +25,7 @@ from signlin_ros.records import ModelData
 from signlin_ros.workbench import arrays, sheet, tuning
 from signlin_ros.workbench.exporting import use
 from signlin_ros.workbench.looking import columns, points, propose, record_curves, search, span
+from signlin_ros.workbench.proposing import shows_angle
 from signlin_ros.workbench.ranking import Ranking
 from signlin_ros.workbench.uploaded import CodeError, opened
 
@@ -401,8 +402,14 @@ def refit(args: Args, say: Say) -> Answer:
 
 
 def written(args: Args, say: Say) -> Answer:
-    """Write a model of the numbers of a data sheet to ``args["output"]``."""
-    sheet.model_of(str(args["form"]), args["values"]).save(args["output"])
+    """Write a model of the numbers of a data sheet to ``args["output"]``; a motor's with its angle, if ``columns``
+    ([label, unit], ...) show one.
+    """
+    model = sheet.model_of(str(args["form"]), args["values"])
+    turns = any(shows_angle(label, unit) for label, unit in args.get("columns") or ())
+    if turns and model.plant.position not in model.states:
+        model = model.with_options(with_position=True)
+    model.save(args["output"])
     return {"output": args["output"]}
 
 

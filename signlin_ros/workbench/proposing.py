@@ -171,6 +171,12 @@ def _replace(row: dict[str, Any], records: Sequence[Record], taken: set[str]) ->
         row["why"] += f"; {own} holds one value throughout"
 
 
+def shows_angle(label: str, unit: str) -> bool:
+    """Tell whether a column is called like an angle, and is in a unit of one."""
+    row = {"signal": "position", "unit": "rad", "kind": "state"}
+    return bool(unit) and _likeness(row, label, unit)[0] >= MIN_PROPOSAL_POINTS and bool(units.conversion(unit, "rad"))
+
+
 def _propose(row: dict[str, Any], records: Sequence[Record], taken: set[str]) -> None:
     """Put the likeliest free column into a row."""
     common = [c for c in _common(records) if c[0] not in taken]

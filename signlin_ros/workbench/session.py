@@ -327,7 +327,9 @@ class Session:
         output = self.project.next_model()
         with contextlib.ExitStack() as then:
             then.callback(self.project.release, output)
-            await self.view.call("written", {**form, "output": self.project.path(output)})
+            seen = [found for record in self.project.choices["records"] if (found := columns.read(self, record))]
+            labels = [[c["label"], c["unit"]] for found in seen for c in found["columns"]]
+            await self.view.call("written", {**form, "columns": labels, "output": self.project.path(output)})
         self.project.change("model from a data sheet", model=output, path=[], cures=[], guessed=False)
         await self.look()
 

@@ -271,7 +271,7 @@ class Page:
 
     def still(self) -> None:
         """Wait until all pictures in sight of the page are drawn and nothing changes its height any more."""
-        undrawn = "return [...document.querySelectorAll('.plots:not([data-drawn])')].some((e) => e.offsetParent)"
+        undrawn = "return [...document.querySelectorAll('.plots:not([data-drawn])')].some((e) => e.checkVisibility())"
         held = "return [...document.querySelectorAll('.stage > .body')].some((e) => e.style.minHeight)"
         run = self.driver.execute_script
         self.wait(lambda: not run(undrawn) and not run(held), "the pictures to be drawn")

@@ -134,6 +134,19 @@ def test_numbers_of_a_data_sheet_make_a_model(client: Client) -> None:
     assert client.state(project)["model_name"] == "model_1.yaml"
 
 
+@pytest.mark.parametrize(
+    ("angle", "taken_with"), [("winkel [deg]", True), ("encoder", False), ("soll_winkel [deg]", False)]
+)
+def test_an_angle_that_was_recorded_is_in_the_model(client: Client, angle: str, taken_with: bool) -> None:
+    project, _ = taken(client, run=log(f"t [ms],pwm,current [mA],{angle}"))
+    values = {"R": [1.2, "Ohm"], "L": [0.5, "mH"], "K": [42, "mN·m/A"], "J": [650, "g·cm²"], "B": [0, "N·m·s/rad"]}
+    assert client.act(project, "write", form="motor", values=values)[0] == 200
+    state = client.settled(project)
+    assert ("position" in state["model"]["states"]) is taken_with
+    rows = {r["signal"]: r["column"] for r in state["mapping"][0]["rows"]}
+    assert rows.get("position") == (angle if taken_with else None)
+
+
 @pytest.mark.parametrize("form", [f["id"] for f in sheet.forms()])
 def test_every_form_makes_a_model_in_every_unit(form: str) -> None:
     (one,) = (f for f in sheet.forms() if f["id"] == form)

@@ -117,7 +117,7 @@ function stage(block) {
 }
 
 // Whether pictures are still to come.
-const settling = (body) => [...body.querySelectorAll(".plots:not([data-drawn])")].some((e) => e.offsetParent);
+const settling = (body) => [...body.querySelectorAll(".plots:not([data-drawn])")].some((e) => e.checkVisibility()); // not what is folded
 
 // Give a stage the height that it has by itself, once nothing runs and its pictures are drawn.
 function release(body, tries = 40) {

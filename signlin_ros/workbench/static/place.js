@@ -28,7 +28,7 @@ export function follow() {
 export function keep() {
   for (const [id, top] of marks) {
     const element = document.getElementById(id);
-    if (!element?.getClientRects().length) continue;
+    if (!element?.checkVisibility()) continue;
     const moved = element.getBoundingClientRect().top - top;
     if (Math.abs(moved) > 1) scrollBy({ top: moved, behavior: "instant" });
     break;
