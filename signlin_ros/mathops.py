@@ -66,7 +66,7 @@ class Math:
         raise NotImplementedError
 
     def abs_power(self, h: Any, n: float) -> Any:
-        """|h|^n, for a known number n >= 1."""
+        """|h|^n, for a known number n >= 1; below 1 only times sign(h), which takes the pole at 0 away."""
         raise NotImplementedError
 
     def signed_power(self, h: Any, n: float) -> Any:

@@ -23,6 +23,8 @@ from signlin_ros.robots.inertia import TEN, moved
 Array = NDArray[np.float64]
 SHAPE_VALUES = 6
 """Values of a parameter that does not enter linearly, of which each is tried."""
+POWERS = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8)
+"""Powers of a velocity that are tried."""
 NARROW, MAX_SHAPE_SHARE = 0.01, 0.5
 """The smallest and the largest of them, as a part of the joint's largest velocity."""
 
@@ -56,6 +58,8 @@ EXTRA = (
     JointLaw("load_dependent_friction", "kappa_e", loaded=True),
 )
 """What may be missing beyond that."""
+ASKED = (JointLaw("power_law_friction", "c", "a", base="viscous_friction"),)
+"""What is fitted where it is asked for only: near standstill it looks like dry friction that sets in gradually."""
 
 
 class Loads:
@@ -116,6 +120,8 @@ def shapes(law: JointLaw, rows: RegressionRows, i: int) -> list[float]:
     """Return the values of a law's other parameter that are tried."""
     if not law.shape:
         return [0.0]
+    if law.shape == "a":
+        return list(POWERS)
     fastest = max(float(np.percentile(np.abs(p.speed[:, i]), 99)) for p in rows.pieces)
     noise = max(float(p.noise[i]) for p in rows.pieces)
     values: list[float] = np.geomspace(
@@ -190,6 +196,7 @@ def tilt(rows: RegressionRows, loads: Loads) -> Array:
 
 
 __all__ = [
+    "ASKED",
     "BASIC",
     "EXTRA",
     "JointLaw",

@@ -111,7 +111,7 @@ def _section(study: Study, state: State, values: dict[str, float], i: int, parte
 
 _REPLACED = (
     *("viscous_friction", "coulomb_friction", "constant_load", "stribeck_friction", "cubic_viscous_friction"),
-    *("asymmetric_viscous_friction", "load_dependent_friction"),
+    *("asymmetric_viscous_friction", "power_law_friction", "load_dependent_friction"),
 )
 """Effects that are worked out anew."""
 
@@ -141,6 +141,8 @@ def _parameters(key: Key, value: float, b: float, mu: float) -> dict[str, float]
         return {"mu": mu, "excess": value, "v_s": key.shape}
     if key.law == "cubic_viscous_friction":
         return {"b": b, "b3": value}
+    if key.law == "power_law_friction":
+        return {"c": value, "a": key.shape}
     if key.law == "asymmetric_viscous_friction":
         return {"b_p": b + value, "b_n": b - value}
     return {"kappa_d": 0.0, "kappa_e": value}

@@ -15,11 +15,18 @@ from signlin_ros.effects import find_effect
 from signlin_ros.plants.joint import joint_plant
 from signlin_ros.recording.trace import resolve_unit
 
+_SHAPES = {"stribeck_friction": "v_s", "power_law_friction": "a"}
+"""By effect: the parameter that does not enter linearly."""
 MAX_LITTLE_SHARE = 0.05
 """Part of its effort from which on what a joint leaves is more than little."""
 MAX_NOISE_RATIO = 2.0
 """Times its noise up to which what a joint leaves may be that."""
-_LINEAR = {"stribeck_friction": "excess", "cubic_viscous_friction": "b3", "load_dependent_friction": "kappa_e"}
+_LINEAR = {
+    "stribeck_friction": "excess",
+    "cubic_viscous_friction": "b3",
+    "power_law_friction": "c",
+    "load_dependent_friction": "kappa_e",
+}
 
 
 def compared_json(comparison: ArmComparison, source: str, data: list[str]) -> dict[str, Any]:
@@ -254,8 +261,8 @@ def parameters(study: Study, found: SearchResult) -> dict[str, Any]:
         return {n: _value(float(v), float(e), u) for n, v, e, u in rows}
     linear = _LINEAR.get(key.law, "b_p")
     content = {linear: _value(value, error, _unit(study, key.at, key.law, linear))}
-    if key.law == "stribeck_friction":
-        content["v_s"] = _value(key.shape, 0.0, _unit(study, key.at, key.law, "v_s"))
+    if key.law in _SHAPES:
+        content[_SHAPES[key.law]] = _value(key.shape, 0.0, _unit(study, key.at, key.law, _SHAPES[key.law]))
     return content
 
 
@@ -277,6 +284,7 @@ def sentence(study: Study, found: SearchResult) -> str:
         "load_dependent_friction": f"load-dependent friction, {100 * value:.2g} % of the load",
         "stribeck_friction": f"dry friction that falls with speed (Stribeck), over {key.shape:.2g}",
         "cubic_viscous_friction": f"viscous friction that grows {'faster' if value > 0 else 'slower'} than speed",
+        "power_law_friction": f"friction that grows with the power {key.shape:.2g} of speed",
         "asymmetric_viscous_friction": "viscous friction that differs by direction",
         "sensor_gain": f"the gain of its effort is off: it shows {1 + value:.3g} times what acts",
         "compliant_load": f"its gear or belt is elastic, about {1 / value:.2g} N·m/rad" if value else "",

@@ -12,7 +12,7 @@ from signlin_ros.arms.coupling import find_coupling
 from signlin_ros.arms.data import ArmRun
 from signlin_ros.arms.detectable import detectable
 from signlin_ros.arms.fit import CoefficientEstimate, FitDesign, blocks, fit
-from signlin_ros.arms.laws import EXTRA
+from signlin_ros.arms.laws import ASKED, EXTRA, JointLaw, shapes
 from signlin_ros.arms.proposal import Proposal, proposal
 from signlin_ros.arms.search import (
     MIN_COEFFICIENT_ERRORS,
@@ -186,7 +186,7 @@ def add(
     joint, _, name = effect.rpartition(".")
     if joint not in model.robot.names:
         raise ModelError(f"{effect}: no joint {joint!r}; allowed: JOINT.EFFECT with {choices(model.robot.names)}")
-    laws = {law.effect: law for law in EXTRA}
+    laws = {law.effect: law for law in (*EXTRA, *ASKED)}
     if name not in laws:
         known_ = (*laws, "viscous_friction", "coulomb_friction", "constant_load")
         if name not in known_:
@@ -195,20 +195,22 @@ def add(
     found, state = comparison.study, comparison.study.state()
     before = comparison.basic
     if name in laws:
-        from signlin_ros.arms.laws import shapes
-
         place, law = found.names.index(joint), laws[name]
-        tried = []
+        kept, tried = _in_file(found, place, law), []
         for shape in shapes(law, found.rows, place):
-            state.terms = [(Key(name, place, shape), law)]
-            tried.append((settled(state), list(state.terms)))
+            state.terms = [*kept, (Key(name, place, shape), law)]
+            fitted = settled(state)
+            if fitted[f"{place}.viscous_friction.b"] >= 0.0 or law.base != "viscous_friction":
+                tried.append((fitted, list(state.terms)))
+        if not tried:
+            raise ModelError(f"{effect}: with it viscous friction of {joint} would be negative; it does not fit")
         estimate, state.terms = min(tried, key=lambda pair: pair[0].objective)
         at = estimate.design.at(f"{place}.{name}")
         one = slice(at, at + 1)
         state.found = [
             SearchResult(
-                state.terms[0][0],
-                names_of(state.terms[0][0]),
+                state.terms[-1][0],
+                names_of(state.terms[-1][0]),
                 estimate.theta[one],
                 estimate.errors()[one],
                 before.rms,
@@ -219,6 +221,17 @@ def add(
     else:
         estimate = before
     return _told(comparison, state, estimate, (), [])
+
+
+def _in_file(found: Study, place: int, new: JointLaw) -> list[tuple[Key, JointLaw | None]]:
+    """Return the laws of joints that the file has already, without what a new one takes the place of."""
+    laws, kept = {law.effect: law for law in (*EXTRA, *ASKED)}, list[tuple[Key, JointLaw | None]]()
+    for key, use in found.model.effects.items():
+        law, at = laws.get(use.type), found.model.arm_plant.place_of(key)
+        if law is not None and not (at == place and (law is new or (law.base and law.base == new.base))):
+            shape = float(use.parameters[law.shape]) if law.shape else 0.0
+            kept.append((Key(use.type, at, shape), law))
+    return kept
 
 
 def _told(

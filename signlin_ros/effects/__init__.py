@@ -26,6 +26,7 @@ CATALOGUE = (
     "stribeck_friction",
     "asymmetric_viscous_friction",
     "cubic_viscous_friction",
+    "power_law_friction",
     "quadratic_drag",
     "load_dependent_friction",
     "load_dependent_stribeck",

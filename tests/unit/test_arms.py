@@ -275,3 +275,18 @@ def test_no_name_comes_of_chance_where_many_laws_are_tried(nothing_hidden):
             for r in (known, unseen)
         ]
         assert named(diagnose(MODEL, [noisy[0]], [noisy[1]], BAND)) == {}
+
+
+def test_an_added_effect_leaves_those_of_the_file(loaded_friction):
+    known, unseen = loaded_friction
+    model = MODEL.with_effect("shoulder.load_dependent_friction", kappa_d=0.0, kappa_e=0.1)
+    found = add("elbow.power_law_friction", model, [known], [unseen], BAND)
+    effects = found.proposal.model.effects
+    assert effects["shoulder.load_dependent_friction"].parameters["kappa_e"] == pytest.approx(0.12, rel=0.25)
+    assert 0.3 <= effects["elbow.power_law_friction"].parameters["a"] <= 0.8
+    assert (found.comparison.table.model <= 1.1 * found.comparison.table.basic).all()
+
+
+def test_a_power_of_speed_is_not_searched_for(loaded_friction):
+    """Near standstill it looks like dry friction that sets in gradually."""
+    assert "power_law_friction" not in [law.effect for law in EXTRA]
