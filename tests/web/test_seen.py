@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
+from signlin_ros.comparison import waves
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model
-from signlin_ros.report import waves
 from signlin_ros.workbench import further, stages
 from signlin_ros.workbench.calls import WORKER_CALLS
 
@@ -66,6 +66,16 @@ def test_a_spectrum_by_order_shows_each_wave_where_it_is() -> None:
     assert max(v for k, v in by_order.items() if k not in (12, 24)) < 0.0001
     assert found.left[11] < 0.0001
     assert waves.spectrum(q[:100], force[:100], force[:100], waves.waves_of(rippled(), "torque_ripple")) is None
+
+
+def test_a_spectrum_of_a_part_of_the_turn_is_no_larger_than_the_force() -> None:
+    random = np.random.default_rng(4)
+    q = 2 * np.pi * random.integers(0, 3, 800) + random.uniform(0.0, 2.5, 800)
+    force = 0.0045 * np.sin(12 * q + 0.3) + 0.0003 * random.standard_normal(q.size)
+    found = waves.spectrum(q, force, force, waves.waves_of(rippled(), "torque_ripple"))
+    assert found is not None
+    assert found.missing.max() < 0.0045
+    assert found.orders[np.argmax(found.missing)] == pytest.approx(12, abs=2)
 
 
 def test_a_force_folded_at_its_order_is_one_curve() -> None:
