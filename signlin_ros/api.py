@@ -56,11 +56,17 @@ def _of_table(table: Any, model: Model, signals: Mapping[str, str] | None) -> Mo
 
 
 def _records(
-    model: Model, data: Any, validation: Any, signals: Mapping[str, str] | None, cures: Sequence[str]
+    model: Model,
+    data: Any,
+    validation: Any,
+    signals: Mapping[str, str] | None,
+    cures: Sequence[str],
+    hold_out: Mapping[str, float] | None = None,
 ) -> tuple[Model, list[ModelData], list[ModelData] | None, list[Finding]]:
     """Return the model as the records need it, training and validation data, and what the checks found."""
     from signlin_ros.follow.data import load_sides
     from signlin_ros.guard import check_sides
+    from signlin_ros.records.conditions import held_apart
 
     first, second = _listed(data), [] if validation is None else _listed(validation)
     if not first:
@@ -70,6 +76,8 @@ def _records(
     else:
         model = _with_position(model, [*first, *second])
         first, second = ([_record(model, item, signals) for item in side] for side in (first, second))
+    if hold_out:
+        first, second = held_apart(first, second, hold_out)
     known, unseen, findings = check_sides(model, first, second or None, cures)
     return model, known, unseen, findings
 
@@ -154,6 +162,7 @@ def compare(
     validation: Any = None,
     *,
     horizon: float | None = None,
+    hold_out: Mapping[str, float] | None = None,
     signals: Mapping[str, str] | None = None,
     cures: Sequence[str] = (),
 ) -> Comparison:
@@ -169,8 +178,10 @@ def compare(
         Validation data; by default the last third of each record.
     horizon : float, optional
         Seconds of the windowed prediction; by default the model's ``update_period``.
+    hold_out : mapping, optional
+        A known condition, e.g. ``{"kp": 200}``: the records of ``data`` that have it are validation data.
     signals : mapping, optional
-        The model's names to columns or formulas.
+        The model's names to columns or formulas; known conditions of a record (``{"a.csv:kp": "200"}``).
     cures : sequence of str, optional
         Names of cures to apply, as findings offer them.
 
@@ -186,7 +197,7 @@ def compare(
     """
     from signlin_ros.diagnosis.comparison import compare as run
 
-    loaded, first, second, _ = _records(_model(model), data, validation, signals, cures)
+    loaded, first, second, _ = _records(_model(model), data, validation, signals, cures, hold_out)
     return run(loaded, first, horizon, None, second)
 
 
@@ -195,6 +206,7 @@ def diagnose(
     data: Any,
     validation: Any = None,
     *,
+    hold_out: Mapping[str, float] | None = None,
     signals: Mapping[str, str] | None = None,
     cures: Sequence[str] = (),
     jobs: int | None = None,
@@ -208,8 +220,10 @@ def diagnose(
         The model, its file, or the name of a shipped one.
     data, validation : path, mapping or DataFrame of columns, Record, ModelData, or a sequence of these
         Training data; validation data, by default the last third of each record.
+    hold_out : mapping, optional
+        A known condition, e.g. ``{"kp": 200}``: the records of ``data`` that have it are validation data.
     signals : mapping, optional
-        The model's names to columns or formulas.
+        The model's names to columns or formulas; known conditions of a record (``{"a.csv:kp": "200"}``).
     cures : sequence of str, optional
         Names of cures to apply, as findings offer them.
     jobs : int, optional
@@ -233,7 +247,7 @@ def diagnose(
     """
     from signlin_ros.diagnosis.verbs import diagnose as run
 
-    loaded, first, second, _ = _records(_model(model), data, validation, signals, cures)
+    loaded, first, second, _ = _records(_model(model), data, validation, signals, cures, hold_out)
     return run(loaded, first, second, jobs=jobs, progress=progress)
 
 
@@ -243,6 +257,7 @@ def add(
     data: Any,
     validation: Any = None,
     *,
+    hold_out: Mapping[str, float] | None = None,
     signals: Mapping[str, str] | None = None,
     cures: Sequence[str] = (),
     jobs: int | None = None,
@@ -258,8 +273,10 @@ def add(
         The model, its file, or the name of a shipped one.
     data, validation : path, mapping or DataFrame of columns, Record, ModelData, or a sequence of these
         Training data; validation data, by default the last third of each record.
+    hold_out : mapping, optional
+        A known condition, e.g. ``{"kp": 200}``: the records of ``data`` that have it are validation data.
     signals : mapping, optional
-        The model's names to columns or formulas.
+        The model's names to columns or formulas; known conditions of a record (``{"a.csv:kp": "200"}``).
     cures : sequence of str, optional
         Names of cures to apply, as findings offer them.
     jobs : int, optional
@@ -279,7 +296,7 @@ def add(
     """
     from signlin_ros.diagnosis.verbs import add as run
 
-    loaded, first, second, _ = _records(_model(model), data, validation, signals, cures)
+    loaded, first, second, _ = _records(_model(model), data, validation, signals, cures, hold_out)
     return run(effect, loaded, first, second, jobs=jobs, progress=progress)
 
 
@@ -288,6 +305,7 @@ def refine(
     data: Any,
     validation: Any = None,
     *,
+    hold_out: Mapping[str, float] | None = None,
     signals: Mapping[str, str] | None = None,
     cures: Sequence[str] = (),
     jobs: int | None = None,
@@ -301,8 +319,10 @@ def refine(
         The model, its file, or the name of a shipped one.
     data, validation : path, mapping or DataFrame of columns, Record, ModelData, or a sequence of these
         Training data; validation data, by default the last third of each record.
+    hold_out : mapping, optional
+        A known condition, e.g. ``{"kp": 200}``: the records of ``data`` that have it are validation data.
     signals : mapping, optional
-        The model's names to columns or formulas.
+        The model's names to columns or formulas; known conditions of a record (``{"a.csv:kp": "200"}``).
     cures : sequence of str, optional
         Names of cures to apply, as findings offer them.
     jobs : int, optional
@@ -322,7 +342,7 @@ def refine(
     """
     from signlin_ros.diagnosis.verbs import refine as run
 
-    loaded, first, second, _ = _records(_model(model), data, validation, signals, cures)
+    loaded, first, second, _ = _records(_model(model), data, validation, signals, cures, hold_out)
     return run(loaded, first, second, jobs=jobs, progress=progress)
 
 

@@ -35,7 +35,7 @@ class Look:
     """
 
     def __init__(self, model: Model, record: ModelData) -> None:
-        self.model, self.record = model, record
+        self.model, self.record = model.under(record.conditions), record
         self.channels = tuple(record.measured)
         self.position, self.velocity = model.plant.position, model.plant.velocity
         self.told: tuple[str, ...] = ()

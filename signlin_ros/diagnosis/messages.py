@@ -181,7 +181,8 @@ def _motion_left(w: Evidence, v: Verdict) -> str:
         return ""
     times = (v.final.errors / np.maximum(list(w.case.noise.values()), 1e-300)).tolist()  # as the rows have it
     most, name = max(zip(times, w.case.problem.channels, strict=True))
-    return f" Over {w.case.horizon:.3g} s, {name} errs by {most:.3g} times its sensor's noise."
+    alone = ": no other listed effect takes that away" if v.alone else ""
+    return f" Over {w.case.horizon:.3g} s, {name} errs by {most:.3g} times its sensor's noise{alone}."
 
 
 def _left_over(w: Evidence, v: Verdict) -> str:

@@ -243,6 +243,21 @@ class ValidationTests:
         return not all(w.falls(self.without(n), self.final) for n in several if n not in w.hidden)
 
     @property
+    def carries_over(self) -> bool:
+        """Whether a proposal lowers the error of each condition that was held out of a closed loop, and no other law
+        does beside it: one that imitates another fails under a gain or a load that no fit saw.
+        """
+        w, unseen = self.evidence, self.evidence.motion.unseen
+        if not self.case.plant.closed_loop or not w.cache.searched.get(self.names):
+            return False
+        count = len(unseen.segments)
+        folds = unseen.folds or tuple((i,) for i in range(count))
+        channels = self.final.validation_squares.shape[1]
+        squares = (f.validation_squares.reshape(count, -1, channels) for f in (w.base, self.final))
+        before, after = (np.array([np.nanmean(one[list(fold)], axis=(0, 1)) for fold in folds]) for one in squares)
+        return len(folds) > 1 and bool(np.all(after < before))
+
+    @property
     def little_motion(self) -> bool:
         """Whether a proposal leaves the larger part of what the motion lacks, of validation data or of known ones."""
         known = gain(self.base.training_squares, self.final.training_squares, self.motion.problem.noise)

@@ -63,7 +63,7 @@ class Verdict:
     model, where validation data err: ``far``, base parameters far from nominal and by how many tolerances; ``percent``
     of the effort that is left as force; ``imposed``, per cent of the spread of an imposed motion's force; ``flexible``,
     what a flexible curve makes of it; ``changing``, which force changes slowly along the records; ``loop``, the
-    hysteresis that explains a part; ``worse``, what rises; ``beside_given``, standard errors of its gain beside the
+    hysteresis that explains a part; ``alone``, that no other law takes away what it leaves; ``worse``, what rises; ``beside_given``, standard errors of its gain beside the
     model as given. Fits beside it: ``steps`` from the base to it, ``without`` each of its effects, and ``sampled``,
     with inputs sampled from what goes on in between, where that is surely better.
     """
@@ -83,6 +83,7 @@ class Verdict:
     imposed: float | None = None
     changing: str = ""
     loop: str = ""
+    alone: bool = False
     worse: str = ""
     beside_given: float = 0.0
     sampled: FittedModel | None = None
@@ -141,7 +142,8 @@ def reason_of(t: ValidationTests, conflict: str = "") -> str:
     noise = t.evidence.leaves_noise(t.final)
     near = t.evidence.near_any_noise(t.final)
     if t.names and not near and (noise or t.percent is None):
-        return "" if not t.little_motion else "elsewhere" if t.elsewhere else "structure"
+        told = not t.little_motion or (t.carries_over and not t.elsewhere)
+        return "" if told else "elsewhere" if t.elsewhere else "structure"
     return "" if noise or t.within_noise or t.little_left else "structure"
 
 
@@ -168,6 +170,7 @@ def verdict_of(w: Evidence, s: Selection) -> Verdict:
         flexible=t.flexible,
         changing=t.changing,
         loop=t.loop,
+        alone=bool(t.names) and not reason and t.little_motion and t.carries_over,
         worse=t.worse() if reason == "worse" else "",
         beside_given=t.beside_given,
         sampled=sampled,

@@ -78,7 +78,7 @@ def held_apart(
         there = {name: sorted({r.conditions[name] for r in known if name in r.conditions}) for name in said}
         have = "; ".join(f"{name} is known to be {', '.join(f'{v:g}' for v in v_)}" for name, v_ in there.items() if v_)
         fault = "no record has it" if not any(chosen) else "all records have it: none is left to fit to"
-        raise RecordError(f"--hold-out {words}: {fault}; {have or 'nothing of this name is known of these records'}")
+        raise RecordError(f"hold out {words}: {fault}; {have or 'nothing of this name is known of these records'}")
     pairs = list(zip(known, chosen, strict=True))
     return [r for r, out in pairs if not out], [*(r for r, out in pairs if out), *(unseen or ())]
 

@@ -252,3 +252,33 @@ def test_a_record_without_speed_is_simulated_from_its_first_position(tmp_path):
     path.write_text("t,goal_position,position\n" + "".join(f"{0.01 * k},0.3,0.3\n" for k in range(30)))
     assert main(["simulate", str(model), str(path), "-o", str(out), "--set", "kp=200", "--set", "mass=0"]) == 0
     np.testing.assert_allclose(np.genfromtxt(out, delimiter=",", names=True)["position"], 0.3, atol=1e-12)
+
+
+def kept_apart(kp):
+    """Return a record of a servo with a gain."""
+    from dataclasses import replace
+
+    model = servo(kp=kp, with_inputs=())
+    t = np.arange(0.0, 2.0, 0.01)
+    run = simulate(model, t, 0.5 * np.sin(3.0 * t)[:, None], np.zeros(len(model.states)))
+    data = ModelData(
+        t,
+        0.5 * np.sin(3.0 * t)[:, None],
+        {"position": run["position"] + 1e-4 * np.sin(50.0 * t)},
+        np.zeros(len(model.states)),
+        model.inputs,
+        model.states,
+        model.units,
+        f"kp{kp:g}.csv",
+    )
+    return replace(data, conditions={"kp": kp})
+
+
+def test_hold_out_makes_records_of_a_condition_validation_data_in_python_too():
+    from signlin_ros import compare
+
+    records = [kept_apart(kp) for kp in (100.0, 200.0, 400.0)]
+    found = compare(servo(with_inputs=()), records, hold_out={"kp": 200.0})
+    assert found.sources == ("kp100.csv", "kp400.csv")
+    with pytest.raises(RecordError, match="kp=300: no record has it; kp is known to be 100, 200, 400"):
+        compare(servo(with_inputs=()), records, hold_out={"kp": 300.0})

@@ -1,9 +1,10 @@
 """rosbag2 recordings (mcap and sqlite3, a folder or a single file) through the `rosbags` package; no ROS
 needed.
 
-Read without being asked: numbers and arrays of std_msgs, and every joint of a JointState, by its name. Any
-other numeric field is read where a mapping names it: ``/odom.twist.twist.linear.x``. A message with a header
-counts at its header's stamp, any other at the time when it was received, as in the nodes.
+Read without being asked: numbers and arrays of std_msgs, every joint of a JointState by its name, and of a
+JointTrajectoryControllerState (ros2_control), whose reference is a goal position. Any other numeric field is read where
+a mapping names it: ``/odom.twist.twist.linear.x``. A message with a header counts at its header's stamp, any other at
+the time when it was received, as in the nodes.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from signlin_ros.records import limits
 from signlin_ros.records.align import align, looks_held, named
 from signlin_ros.records.clean import renamed
 from signlin_ros.records.formats.bag_clock import MIN_CLOCK_JUMP, clocks, restarts, seconds
-from signlin_ros.records.formats.bag_topics import Arrays, Fields, Joints, NumberFields, Topic, TopicPart
+from signlin_ros.records.formats.bag_topics import Arrays, Controllers, Fields, Joints, NumberFields, Topic, TopicPart
 from signlin_ros.records.grammar import words
 from signlin_ros.records.header import TIME_KEYS
 from signlin_ros.records.notes import Note
@@ -42,6 +43,8 @@ _SCALARS = {f"std_msgs/msg/{kind}" for kind in ("Bool", "Float32", "Float64")} |
 }
 _MULTI_ARRAYS = {f"{kind}MultiArray" for kind in _SCALARS}
 _JOINTS = "sensor_msgs/msg/JointState"
+_CONTROLLER = "control_msgs/msg/JointTrajectoryControllerState"
+_POINTS = ("reference", "feedback", "error", "output", "desired", "actual")
 
 
 def read(path: Path, source: str, signals: Mapping[str, str], wanted: Iterable[str], base: str | None) -> list[Record]:
@@ -74,7 +77,8 @@ def _record(bag: _Bag, source: str, asked: Collection[str], part: tuple[int, int
     """The record of the messages from `part[0]` to before `part[1]`, counted over all topics."""
     series, notes = _series(bag, asked, part)
     if not series:
-        raise RecordError(f"{source}: no topic holds numbers (std_msgs, JointState); {_listing(bag.types)}")
+        known = "std_msgs, JointState, JointTrajectoryControllerState"
+        raise RecordError(f"{source}: no topic holds numbers ({known}); {_listing(bag.types)}")
     held = {name for name, one in series.items() if looks_held(one)}
     try:
         one = align(series, held, base and named(series, base))
@@ -114,7 +118,9 @@ def _collect(path: Path, source: str, specs: list[str]) -> _Bag:
         raise MissingExtraError(f"{source}: reading rosbag2 recordings", "formats") from None
 
     try:
-        with AnyReader(paths, default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+        store = get_typestore(Stores.ROS2_JAZZY)
+        store.register(_of_humble())
+        with AnyReader(paths, default_typestore=store) as reader:
             bag = _Bag(source, {connection.topic: connection.msgtype for connection in reader.connections})
             bag.topics = _topics(bag.types, specs)
             _read_messages(bag, reader, paths)
@@ -126,6 +132,16 @@ def _collect(path: Path, source: str, specs: list[str]) -> _Bag:
     if paths != [path]:
         bag.notes.append(Note(f"no metadata.yaml: read from {', '.join(part.name for part in paths)}", "format"))
     return bag
+
+
+def _of_humble() -> Any:
+    """Return the type of a controller's state as ROS 2 Humble has it: bags of its time do not hold their types."""
+    from rosbags.typesys import get_types_from_msg
+
+    dofs = (f"trajectory_msgs/MultiDOFJointTrajectoryPoint multi_dof_{name}" for name in _POINTS)
+    points = (f"trajectory_msgs/JointTrajectoryPoint {name}" for name in _POINTS)
+    lines = ["std_msgs/Header header", "string[] joint_names", *points, "string[] multi_dof_joint_names", *dofs]
+    return get_types_from_msg("\n".join(lines), _CONTROLLER)
 
 
 def _storage(path: Path, source: str) -> list[Path]:
@@ -149,6 +165,8 @@ def _topics(types: Mapping[str, str], specs: Iterable[str]) -> dict[str, Topic]:
             topics[topic] = Arrays(topic)
         elif kind == _JOINTS:
             topics[topic] = Joints(topic)
+        elif kind == _CONTROLLER:
+            topics[topic] = Controllers(topic)
     every = [word for spec in specs for word in (spec, *words(spec))]
     for topic, path in filter(None, (_split(spec, types) for spec in every)):
         other = topics.setdefault(topic, Fields(topic, []))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from operator import attrgetter
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +15,9 @@ from signlin_ros.errors import RecordError
 Array = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
-FIELDS = ("position", "velocity", "effort")
+
+GOALS = ("goal_position", "goal_velocity")
+"""What a controller's reference is called where it has one joint: what is measured goes by the aliases of a state."""
 
 
 @dataclass(frozen=True)
@@ -93,24 +96,29 @@ class Arrays:
 
 @dataclass
 class Joints:
-    """A JointState: ``/joint_states.velocity[wheel]``. Messages may differ in their joints."""
+    """A JointState: ``/joint_states.velocity[wheel]``. Messages may differ in their joints.
 
+    ``fields``: what is read of a message, and how the one joint of a topic calls it; ``joints``: where their names are.
+    """
+
+    fields: ClassVar[dict[str, str]] = {name: name for name in ("position", "velocity", "effort")}
+    joints: ClassVar[str] = "name"
     topic: str
     count: int = 0
     groups: dict[tuple[str, ...], tuple[list[int], list[list[Array]]]] = field(default_factory=dict)
 
     def add(self, message: Any) -> None:
         """Take the next message."""
-        index, values = self.groups.setdefault(tuple(message.name), ([], []))
+        index, values = self.groups.setdefault(tuple(getattr(message, self.joints)), ([], []))
         index.append(self.count)
-        values.append([getattr(message, name) for name in FIELDS])
+        values.append([attrgetter(name)(message) for name in self.fields])
         self.count += 1
 
     def parts(self) -> list[TopicPart]:
         """All quantities of the topic."""
         gathered: dict[tuple[str, str], list[tuple[Integers, Array]]] = {}
         for joints, (index, rows) in self.groups.items():
-            for k, name in enumerate(FIELDS):
+            for k, name in enumerate(self.fields):
                 table = self._table(name, joints, index, [row[k] for row in rows])
                 for j, joint in enumerate(joints):
                     gathered.setdefault((joint, name), []).append((np.array(index), table[:, j]))
@@ -118,10 +126,12 @@ class Joints:
         parts = []
         for (joint, name), pieces in gathered.items():
             index_, values = (np.concatenate([piece[k] for piece in pieces]) for k in (0, 1))
-            names = (name, f"{self.topic}.{name}") if single else ()
+            names = tuple(filter(None, (self.fields[name], f"{self.topic}.{name}"))) if single else ()
             if not np.isnan(values).all():
                 order = np.argsort(index_, kind="stable")
-                parts.append(TopicPart(f"{self.topic}.{name}[{joint}]", values[order], index_[order], names=names))
+                key = self.fields[name] if single and self.fields[name] in GOALS else ""
+                label = f"{self.topic}.{name}[{joint}]"
+                parts.append(TopicPart(label, values[order], index_[order], key=key, names=names))
         return parts
 
     def _table(self, name: str, joints: tuple[str, ...], index: list[int], rows: list[Array]) -> Array:
@@ -133,6 +143,26 @@ class Joints:
                     f"{self.topic}: message {i + 1} has {len(joints)} joints but {len(row)} values of {name}"
                 )
         return np.array([row if len(row) else empty for row in rows], dtype=np.float64).reshape(len(rows), len(joints))
+
+
+@dataclass
+class Controllers(Joints):
+    """A JointTrajectoryControllerState: ``/arm_controller/controller_state.feedback.positions[elbow]``; its reference
+    is the goal of the joint's own loop.
+    """
+
+    fields: ClassVar[dict[str, str]] = {
+        "reference.positions": "goal_position",
+        "feedback.positions": "position",
+        "feedback.velocities": "velocity",
+        "feedback.effort": "effort",
+        "reference.velocities": "goal_velocity",
+        "error.positions": "",
+        "output.positions": "",
+        "output.velocities": "",
+        "output.effort": "",
+    }
+    joints: ClassVar[str] = "joint_names"
 
 
 @dataclass
