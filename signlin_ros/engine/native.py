@@ -27,41 +27,13 @@ import casadi as ca
 import llvmlite.binding as llvm
 import numba
 
+from signlin_ros.engine.operations import ONE, TWO
 from signlin_ros.engine.tape import Tape
 
 _LLVM_OPERATIONS = {ca.OP_ADD: "fadd", ca.OP_SUB: "fsub", ca.OP_MUL: "fmul", ca.OP_DIV: "fdiv"}
 _COMPARE = {ca.OP_LT: "olt", ca.OP_LE: "ole", ca.OP_EQ: "oeq", ca.OP_NE: "une"}
-_INTRINSIC = {
-    ca.OP_EXP: "exp",
-    ca.OP_LOG: "log",
-    ca.OP_SQRT: "sqrt",
-    ca.OP_SIN: "sin",
-    ca.OP_COS: "cos",
-    ca.OP_FLOOR: "floor",
-    ca.OP_CEIL: "ceil",
-    ca.OP_FABS: "fabs",
-    ca.OP_POW: "pow",
-    ca.OP_CONSTPOW: "pow",
-    ca.OP_COPYSIGN: "copysign",
-}
-_LIBRARY = {
-    ca.OP_TAN: "tan",
-    ca.OP_ASIN: "asin",
-    ca.OP_ACOS: "acos",
-    ca.OP_ATAN: "atan",
-    ca.OP_ATAN2: "atan2",
-    ca.OP_SINH: "sinh",
-    ca.OP_COSH: "cosh",
-    ca.OP_TANH: "tanh",
-    ca.OP_ASINH: "asinh",
-    ca.OP_ACOSH: "acosh",
-    ca.OP_ATANH: "atanh",
-    ca.OP_FMOD: "fmod",
-    ca.OP_LOG1P: "log1p",
-    ca.OP_EXPM1: "expm1",
-    ca.OP_HYPOT: "hypot",
-}
-_TWO = {ca.OP_POW, ca.OP_CONSTPOW, ca.OP_COPYSIGN, ca.OP_ATAN2, ca.OP_FMOD, ca.OP_HYPOT}
+_INTRINSIC = {"exp", "log", "sqrt", "sin", "cos", "floor", "ceil", "fabs", "pow", "copysign"}
+"""Functions that LLVM has itself; others are called by their names in C."""
 
 
 def _literal(value: float) -> str:
@@ -129,10 +101,9 @@ class Writer(Lines):
             return self.new(f"{_LLVM_OPERATIONS[op]} double {a}, {b}")
         if op in _COMPARE:
             return self._number(self._flag(_COMPARE[op], a, b))
-        if op in _INTRINSIC:
-            return self._call(f"llvm.{_INTRINSIC[op]}.f64", *((a, b) if op in _TWO else (a,)))
-        if op in _LIBRARY:
-            return self._call(_LIBRARY[op], *((a, b) if op in _TWO else (a,)))
+        name = ONE.get(op) or TWO.get(op)
+        if name:
+            return self._call(f"llvm.{name}.f64" if name in _INTRINSIC else name, *((a, b) if op in TWO else (a,)))
         return self._rest(op, a, b)
 
     def _rest(self, op: int, a: str, b: str) -> str:

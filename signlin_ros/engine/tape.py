@@ -1,6 +1,6 @@
-"""A CasADi function as a flat list of instructions, and what each instruction means.
+"""A CasADi function as a flat list of instructions.
 
-`Tape.batch` runs it on blocks of points with NumPy, by the table of operations in here; `signlin_ros.engine.native`
+`Tape.batch` runs it on blocks of points with NumPy, by `signlin_ros.engine.operations`; `signlin_ros.engine.native`
 turns it into machine code for compiled kernels (`signlin_ros.engine.exact` and others). Instructions are read from
 CasADi's virtual machine, see ``Function.instruction_id``.
 """
@@ -17,55 +17,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-OPERATIONS: dict[int, str] = {
-    ca.OP_ASSIGN: "a",
-    ca.OP_ADD: "a + b",
-    ca.OP_SUB: "a - b",
-    ca.OP_MUL: "a * b",
-    ca.OP_DIV: "a / b",
-    ca.OP_NEG: "-a",
-    ca.OP_EXP: "np.exp(a)",
-    ca.OP_LOG: "np.log(a)",
-    ca.OP_POW: "np.power(a, b)",
-    ca.OP_CONSTPOW: "np.power(a, b)",
-    ca.OP_SQRT: "np.sqrt(a)",
-    ca.OP_SQ: "a * a",
-    ca.OP_TWICE: "a + a",
-    ca.OP_SIN: "np.sin(a)",
-    ca.OP_COS: "np.cos(a)",
-    ca.OP_TAN: "np.tan(a)",
-    ca.OP_ASIN: "np.arcsin(a)",
-    ca.OP_ACOS: "np.arccos(a)",
-    ca.OP_ATAN: "np.arctan(a)",
-    ca.OP_ATAN2: "np.arctan2(a, b)",
-    ca.OP_SINH: "np.sinh(a)",
-    ca.OP_COSH: "np.cosh(a)",
-    ca.OP_TANH: "np.tanh(a)",
-    ca.OP_ASINH: "np.arcsinh(a)",
-    ca.OP_ACOSH: "np.arccosh(a)",
-    ca.OP_ATANH: "np.arctanh(a)",
-    ca.OP_LT: "1.0 * (a < b)",
-    ca.OP_LE: "1.0 * (a <= b)",
-    ca.OP_EQ: "1.0 * (a == b)",
-    ca.OP_NE: "1.0 * (a != b)",
-    ca.OP_NOT: "1.0 * (a == 0.0)",
-    ca.OP_AND: "1.0 * ((a != 0.0) & (b != 0.0))",
-    ca.OP_OR: "1.0 * ((a != 0.0) | (b != 0.0))",
-    ca.OP_FLOOR: "np.floor(a)",
-    ca.OP_CEIL: "np.ceil(a)",
-    ca.OP_FABS: "np.abs(a)",
-    ca.OP_SIGN: "np.sign(a)",
-    ca.OP_COPYSIGN: "np.copysign(a, b)",
-    ca.OP_IF_ELSE_ZERO: "np.where(a != 0.0, b, 0.0)",
-    ca.OP_FMIN: "np.minimum(a, b)",
-    ca.OP_FMAX: "np.maximum(a, b)",
-    ca.OP_FMOD: "np.fmod(a, b)",
-    ca.OP_INV: "1.0 / a",
-    ca.OP_LOG1P: "np.log1p(a)",
-    ca.OP_EXPM1: "np.expm1(a)",
-    ca.OP_HYPOT: "np.hypot(a, b)",
-}
-"""Every operation as a NumPy expression of its arguments a and b: what it means."""
+from signlin_ros.engine.operations import NUMPY
 
 POINTS_PER_BLOCK = 1024
 """Points evaluated at a time: the work of a block stays in the processor's cache."""
@@ -159,16 +111,16 @@ def _read(function: ca.Function) -> tuple[list[tuple[int, int, int]], list[float
             seen += 1
         elif op == ca.OP_OUTPUT:
             picks[out[outputs[0]] + outputs[1]] = holds[inputs[0]]
-        elif op in OPERATIONS:
+        elif op in NUMPY:
             rows.append((op, holds[inputs[0]], holds[inputs[-1]]))
             holds[outputs[0]] = into[-1] + len(constants) + len(rows) - 1
         else:
-            raise NotImplementedError(f"CasADi operation {op} is not in signlin_ros.engine.tape.OPERATIONS")
+            raise NotImplementedError(f"CasADi operation {op} is not in signlin_ros.engine.tape.NUMPY")
     return rows, constants, picks
 
 
 @functools.cache
 def _array_operation(op: int) -> Callable[[Any, Any], Any]:
     """Return an operation on arrays; the text is of the table above."""
-    function: Callable[[Any, Any], Any] = eval(f"lambda a, b: {OPERATIONS[op]}", {"np": np})
+    function: Callable[[Any, Any], Any] = eval(f"lambda a, b: {NUMPY[op]}", {"np": np})
     return function

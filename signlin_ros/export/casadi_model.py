@@ -67,13 +67,14 @@ class CasadiModel(Target):
     """A file that defines ``dynamics()``, a `casadi.Function`."""
 
     name, suffix, engine, smooth = "casadi", ".py", "CasADi's CVODES", True
+    said = "A model for CasADi: `dynamics()` is the function (x, u, p) -> x'; NOMINAL are its parameters."
+    imports, tail = "import casadi as ca", _CASADI_TAIL
 
     def write(self, model: Model, out: Path, drive: ExportedDrive) -> Exported:
         """Write the file."""
         refuse_imposed(model, self.name)
-        what = "A model for CasADi: `dynamics()` is the function (x, u, p) -> x'; NOMINAL are its parameters."
-        parts = [docstring(model, what), "import casadi as ca", numbers(model), names_of(model)]
-        out.write_text("\n\n".join([*parts, rates_text(model), _CASADI_TAIL]), encoding="utf-8")
+        parts = [docstring(model, self.said), self.imports, numbers(model), names_of(model)]
+        out.write_text("\n\n".join([*parts, rates_text(model), self.tail]), encoding="utf-8")
         return Exported((out,), ("f_j as recorded",), said_lost(model))
 
     def run(self, exported: Exported, model: Model, drive: ExportedDrive) -> dict[str, Array]:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import importlib.util
 import warnings
-from pathlib import Path
 from typing import Any
 
 import casadi as ca
 
-from signlin_ros.export.base import Array, Exported, ExportedDrive, NotRunError, Target, refuse_imposed
-from signlin_ros.export.casadi_model import integrated, rates_text, said_lost
-from signlin_ros.export.python_text import docstring, loaded, names_of, numbers
+from signlin_ros.export.base import Array, Exported, ExportedDrive, NotRunError
+from signlin_ros.export.casadi_model import CasadiModel, integrated
+from signlin_ros.export.python_text import loaded
 from signlin_ros.model import Model
 
 _DO_MPC_TAIL = '''def model():
@@ -26,18 +25,12 @@ _DO_MPC_TAIL = '''def model():
 '''
 
 
-class DoMpcModel(Target):
-    """A file that defines ``model()``, a set up `do_mpc.model.Model`."""
+class DoMpcModel(CasadiModel):
+    """A file that defines ``model()``, a set up `do_mpc.model.Model`, around the function that CasADi's has."""
 
-    name, suffix, engine, smooth = "do-mpc", ".py", "do-mpc's right-hand side and CVODES", True
-
-    def write(self, model: Model, out: Path, drive: ExportedDrive) -> Exported:
-        """Write the file."""
-        refuse_imposed(model, self.name)
-        what = "A model for do-mpc: `model()` is continuous, with the numbers of PARAMETERS in it."
-        parts = [docstring(model, what), "import casadi as ca\nimport do_mpc", numbers(model), names_of(model)]
-        out.write_text("\n\n".join([*parts, rates_text(model), _DO_MPC_TAIL]), encoding="utf-8")
-        return Exported((out,), ("f_j as recorded",), said_lost(model))
+    name, engine = "do-mpc", "do-mpc's right-hand side and CVODES"
+    said = "A model for do-mpc: `model()` is continuous, with the numbers of PARAMETERS in it."
+    imports, tail = "import casadi as ca\nimport do_mpc", _DO_MPC_TAIL
 
     def run(self, exported: Exported, model: Model, drive: ExportedDrive) -> dict[str, Array]:
         """Integrate the right-hand side that do-mpc has made of it."""

@@ -14,7 +14,8 @@ from numba.core.errors import TypingError
 
 from signlin_ros.engine.compiling import call, call_within, caller
 from signlin_ros.engine.native import _Cache, native
-from signlin_ros.engine.tape import OPERATIONS, Tape
+from signlin_ros.engine.operations import NUMPY as OPERATIONS
+from signlin_ros.engine.tape import Tape
 
 RANDOM = np.random.default_rng(7)
 UNIT, POSITIVE, ABOVE_ONE = (-1.0, 1.0), (0.0, 5.0), (1.0, 5.0)

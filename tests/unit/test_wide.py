@@ -4,7 +4,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from signlin_ros.engine.tape import OPERATIONS, Tape
+from signlin_ros.engine.operations import NUMPY as OPERATIONS
+from signlin_ros.engine.tape import Tape
 from signlin_ros.engine.wide import LANES, WideWriter, at_points
 from tests.unit.test_native import CORNERS, DOMAINS, SPECIAL
 
