@@ -10,6 +10,7 @@ from signlin_ros.checks.excitation import Excitation
 from signlin_ros.checks.frozen_channel import FrozenChannel
 from signlin_ros.checks.integer_overflow import IntegerOverflow
 from signlin_ros.checks.jitter import Jitter
+from signlin_ros.checks.loop_output import LoopOutput
 from signlin_ros.checks.mixed_clocks import MixedClocks
 from signlin_ros.checks.no_motion import NoMotion
 from signlin_ros.checks.nothing_measured import NothingMeasured
@@ -49,6 +50,7 @@ CHECKS: tuple[type[Check], ...] = (
     SlowSampling,
     ShortRecord,
     Excitation,
+    LoopOutput,
 )
 
 __all__ = ["CHECKS"]

@@ -51,6 +51,8 @@ class Plant(HasPars):
     closed_loop: ClassVar[bool] = False
     """Whether the plant holds its own control loop: its input is a goal, which effects of the input do not change (they
     act on the loop's error), and a free run stays near what was measured."""
+    beside: ClassVar[tuple[str, ...]] = ()
+    """What records may hold beside, as the output of the loop: records are checked by it, nothing is fitted to it."""
     scaled_by_effort: ClassVar[tuple[str, ...]] = ()
     """Parameters that a wrong scale of the input, or of a force that is measured, multiplies all alike."""
     effort: ClassVar[str] = "force"

@@ -38,6 +38,7 @@ class Servo(Plant):
         "goal": "with profile_time = 0 the loop follows the goal position at once",
     }
     closed_loop = True
+    beside = ("load",)
     scaled_by_effort = ("J", "inertia")
 
     K_t = Par("N·m/A", nominal=0.35, positive=True, doc="torque constant, and back-EMF constant in V·s/rad")

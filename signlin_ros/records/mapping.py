@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -49,6 +50,7 @@ class ModelData:
         clock of their own; None: from its own sample on. labels : name -> the column's head or the path in a bag that
         it was read from; records with the same are one log's, however many files that is.
         conditions : values of the model's parameters that are known of this record (`signlin_ros.records.conditions`).
+        beside : name -> (T,) as recorded, what the plant asks for to check a record by, and for nothing else.
     """
 
     t: Array
@@ -64,6 +66,7 @@ class ModelData:
     acts: Array | None = None
     labels: dict[str, str] = field(default_factory=dict)
     conditions: Mapping[str, float] = field(default_factory=dict)
+    beside: Mapping[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "notes", as_notes(self.notes))
@@ -84,7 +87,9 @@ class ModelData:
         measured = {name: frozen(values[cut]) for name, values in self.measured.items()}
         t, u = frozen(self.t[cut]), frozen(self.u[cut])
         acts = None if self.acts is None else frozen(self.acts[cut])
-        return replace(self, t=t, u=u, measured=measured, x0=_first_state(measured, self.states), acts=acts)
+        beside = {name: frozen(values[cut]) for name, values in self.beside.items()}
+        x0 = _first_state(measured, self.states)
+        return replace(self, t=t, u=u, measured=measured, x0=x0, acts=acts, beside=beside)
 
 
 def for_model(
@@ -161,7 +166,18 @@ def for_model(
         acts=None if record.acts is None else frozen(record.acts),
         labels={name: record.labels.get(key, key) for name, key in chosen.items()},
         conditions=conditions,
+        beside=_beside(record, model),
     )
+
+
+def _beside(record: Record, model: Model) -> dict[str, Array]:
+    """The columns by which a record of the plant is checked."""
+    found = dict[str, Array]()
+    for name in model.plant.beside:
+        with suppress(RecordError):  # two columns answer to the name
+            key = record.find(name, further=False)
+            found |= {} if key is None else {name: frozen(record.signals[key].values)}
+    return found
 
 
 def _check_clock(record: Record) -> None:

@@ -86,6 +86,8 @@ def _with(d: Diagnosis) -> str:
     if d.findings is None:
         return ""
     fitted, seen = (names_of(sources) for sources in (d.findings.training, d.findings.validation))
+    if d.model.plant.closed_loop and fitted == seen:
+        return f": fitted to {fitted}, which were held out in turn"
     return f": fitted to {fitted}, " + ("checked on its last third" if fitted == seen else f"checked on {seen}")
 
 
@@ -94,7 +96,12 @@ def _compared(
 ) -> tuple[Comparison, Comparison] | None:
     """Return both models held against data that the fit did not see; a remark where that does not work."""
     first, second = ([d] if isinstance(d, ModelData) else list(d or []) for d in (data, validation))
-    unseen = second or held_out(first)[1]
+    whole = base.plant.closed_loop and not second  # a loop settles: its last third says little
+    unseen = first if whole else second or held_out(first)[1]
+    if whole:
+        remarks.append(
+            "before and after are of the records that the proposal was fitted to; the steps of its errors not"
+        )
     try:
         return compare(base, unseen), compare(proposal, unseen)
     except SignlinError as error:
@@ -315,6 +322,10 @@ def _reproduce(d: Diagnosis, command: str) -> list[Block]:
         text = "The proposal as a model file, for the command line and for the linearizer node alike:"
         blocks += [Text(text), Code(d.yaml), Text("Save it as proposal.yaml, and the linearizer runs with it:")]
         blocks.append(Code(run))
+        said = "In a simulator or another tool it is run there, on a record, and what is lost is measured:"
+        log = Path(d.findings.training[0]).name if d.findings and d.findings.training else "RECORD"
+        ways = "other targets: c, fmu, bam, isaaclab, urdf, casadi ... (signlin export --help)"
+        blocks += [Text(said), Code(f"signlin export proposal.yaml --to mjcf -o proposal.xml --data {log}"), Text(ways)]
     return blocks
 
 

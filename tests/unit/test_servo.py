@@ -282,3 +282,42 @@ def test_hold_out_makes_records_of_a_condition_validation_data_in_python_too():
     assert found.sources == ("kp100.csv", "kp400.csv")
     with pytest.raises(RecordError, match="kp=300: no record has it; kp is known to be 100, 200, 400"):
         compare(servo(with_inputs=()), records, hold_out={"kp": 300.0})
+
+
+def with_load(said, true, full=885.0):
+    """Return a record of a servo whose log holds what its loop puts out; ``said``: the gain that is stated."""
+    from dataclasses import replace
+
+    model = servo(kp=true, with_inputs=())
+    data = kept_apart(true)
+    duty = model.parameters["duty_per_error"] * true * (data.u[:, 0] - data.measured["position"])
+    return replace(data, conditions={"kp": said}, beside={"load": np.round(full * np.clip(duty, -1.0, 1.0))})
+
+
+def loop_output(records):
+    from signlin_ros.checks.loop_output import LoopOutput
+    from signlin_ros.checks.run import check
+
+    return check(servo(with_inputs=()), records, ["none"], kinds=[LoopOutput])[1]
+
+
+def test_the_output_of_the_loop_is_held_against_gain_and_error():
+    records = [with_load(kp, kp) for kp in (100.0, 200.0, 400.0)]
+    found = loop_output(records)
+    assert [f.severity for f in found] == ["note"] * 3
+    assert all("885 of it full duty" in f.sentence for f in found)
+
+
+def test_a_gain_that_the_output_contradicts_is_told():
+    records = [with_load(said, 200.0) for said in (200.0, 200.0, 400.0)]
+    *_, wrong = loop_output(records)
+    assert wrong.severity == "offer"
+    assert "the gain is rather 200" in wrong.sentence
+
+
+def test_what_does_not_follow_the_error_is_no_output_of_the_loop():
+    from dataclasses import replace
+
+    record = with_load(200.0, 200.0)
+    found = loop_output([replace(record, beside={"load": 100.0 + 50.0 * np.cos(9.0 * record.t)})])
+    assert "is not what the loop puts out" in found[0].sentence
