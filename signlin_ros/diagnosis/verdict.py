@@ -64,8 +64,9 @@ class Verdict:
     of the effort that is left as force; ``imposed``, per cent of the spread of an imposed motion's force; ``flexible``,
     what a flexible curve makes of it; ``changing``, which force changes slowly along the records; ``loop``, the
     hysteresis that explains a part; ``alone``, that no other law takes away what it leaves; ``worse``, what rises;
-    ``beside_given``, standard errors of its gain beside the model as given. Fits beside it: ``steps`` from the base to it, ``without`` each of its effects, and ``sampled``,
-    with inputs sampled from what goes on in between, where that is surely better.
+    ``beside_given``, standard errors of its gain beside the model as given. Fits beside it: ``steps`` from the base to
+    it, ``without`` each of its effects, and ``sampled``, with inputs sampled from what goes on in between, where that
+    is surely better.
     """
 
     selection: Selection
