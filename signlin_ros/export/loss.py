@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -39,19 +39,17 @@ class Loss:
     diverges: bool = False
 
 
+EARLY_SAMPLES, EARLY_PART = 5, 0.1
+"""Samples whose slope an unmeasured speed may begin with, and the part of a record that tells whether it does."""
+
+
 def drive_of(model: Model, data: ModelData) -> ExportedDrive:
     """Return what a record drives a model with; a state that is not measured begins as the model says.
 
-    A speed that is not measured begins as the measured position does.
+    A speed that is not measured begins so, too, or as the measured position does: as the exact model follows it better.
     """
-    t = np.asarray(data.t)
-    start = np.array(model.x0)
+    t, start = np.asarray(data.t), np.array(model.x0)
     measured = {name: np.asarray(values) for name, values in data.measured.items() if name in model.states}
-    position = measured.get(model.plant.position)
-    if position is not None and model.plant.velocity in model.states and model.plant.velocity not in measured:
-        early = np.flatnonzero(np.isfinite(position))[:5]
-        if early.size > 1:
-            measured[model.plant.velocity] = np.array([np.polyfit(t[early], position[early], 1)[0]])
     for name, values in measured.items():
         good = values[np.isfinite(values)]
         if good.size:
@@ -59,7 +57,24 @@ def drive_of(model: Model, data: ModelData) -> ExportedDrive:
     if data.x0 is not None:
         start = np.array(data.x0)
     acts = t if data.acts is None else np.asarray(data.acts)
-    return ExportedDrive(t, np.asarray(data.u), acts, model.true_states(start))
+    drive = ExportedDrive(t, np.asarray(data.u), acts, model.true_states(start))
+    position, velocity = measured.get(model.plant.position), model.plant.velocity
+    if position is None or data.x0 is not None or velocity not in model.states or velocity in measured:
+        return drive
+    early = np.flatnonzero(np.isfinite(position))[:EARLY_SAMPLES]
+    if early.size < 2:
+        return drive
+    moving = start.copy()
+    moving[model.states.index(velocity)] = np.polyfit(t[early], position[early], 1)[0]
+    options = (drive, replace(drive, x0=model.true_states(moving)))
+    return min(options, key=lambda one: _early_error(model, one, position))
+
+
+def _early_error(model: Model, drive: ExportedDrive, position: Array) -> float:
+    """Return the RMS error with which the exact model follows the begin of a measured position (T,)."""
+    count = max(int(EARLY_PART * drive.t.size), 2)
+    run = simulate(model, drive.t[:count], drive.u[:count], drive.x0, acts=drive.acts[:count])
+    return _rms(run[model.plant.position] - position[:count])
 
 
 def reference(model: Model, drive: ExportedDrive) -> Trajectory:

@@ -9,10 +9,12 @@ import pytest
 
 from signlin_ros.export import export
 from signlin_ros.export.bam_program import budget
+from signlin_ros.export.loss import drive_of
 from signlin_ros.export.matrix import servo_bench
 from signlin_ros.export.python_text import loaded
 from signlin_ros.model import Model
-from signlin_ros.records import read_for_model
+from signlin_ros.records import ModelData, read_for_model
+from signlin_ros.simulation import simulate
 
 RECORDS = Path(os.environ.get("SIGNLIN_DATA", Path(__file__).resolve().parents[2] / ".." / "shared" / "data")) / "servo"
 LOADS = {"kappa_d": 0.2, "kappa_e": 0.1}
@@ -132,3 +134,19 @@ def test_units_of_a_record_say_that_the_axis_turns(tmp_path):
 def test_friction_that_grows_with_the_load_is_exported_with_its_equations(loaded_servo, tmp_path):
     found = export(loaded_servo, "casadi", tmp_path / "servo.py")
     assert _percent(found) < 2.0
+
+
+@pytest.mark.parametrize("moving", [0.0, 2.0])
+def test_a_speed_that_nobody_measured_begins_as_the_exact_model_follows_it(moving):
+    model = Model.load("xl330_servo")
+    t = np.arange(0.0, 2.0, 0.01)
+    u = np.tile([0.8, 1.0, 7.4], (t.size, 1))  # goal, torque on, supply
+    run = simulate(model, t, u, np.array([0.0, moving]))
+    measured = {"position": run["position"]}
+    data = ModelData(t, u, measured, None, model.inputs, model.states, model.units)
+    drive = drive_of(model, data)
+    found = simulate(model, t, u, drive.x0)["position"]
+    resting = simulate(model, t, u, np.zeros(2))["position"]
+    error, without = (np.sqrt(np.mean((one - run["position"]) ** 2)) for one in (found, resting))
+    assert (drive.x0[1] == 0.0) == (moving == 0.0)
+    assert error <= without
