@@ -1,6 +1,7 @@
 """Arms against their records: what is missing is named in its joint, and nothing where nothing is."""
 
 import json
+import os
 from pathlib import Path
 
 import jsonschema
@@ -290,3 +291,22 @@ def test_an_added_effect_leaves_those_of_the_file(loaded_friction):
 def test_a_power_of_speed_is_not_searched_for(loaded_friction):
     """Near standstill it looks like dry friction that sets in gradually."""
     assert "power_law_friction" not in [law.effect for law in EXTRA]
+
+
+@pytest.mark.long
+def test_records_of_another_program_with_controller_and_creep_name_what_is_hidden():
+    """Pinocchio's forward dynamics under a controller, wrong links, gears that ripple, 3 % noise."""
+    pytest.importorskip("pinocchio")
+    file = Path(os.environ.get("SIGNLIN_DATA", "../shared/data")) / "joints/ur10e.urdf"
+    if not file.is_file():
+        pytest.skip("needs the shared records")
+    from benchmarks.arms import Truth, judged, model_of
+
+    robot, rng = read_urdf(file), np.random.default_rng(11)
+    hidden = ("load_dependent", 2, 0.1, 0.0)
+    truth = Truth(str(file), robot, rng, hidden)
+    known, unseen = truth.run(rng), truth.run(rng)
+    content = diagnosed_json(diagnose(model_of(str(file), robot, hidden), [known], [unseen]), "", "", [])
+    key, more = judged(hidden, robot.names, content)
+    assert key in ("right", "tie")
+    assert more == []
