@@ -15,6 +15,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, cast
@@ -88,11 +89,11 @@ class Operator:
             row = [values[f"{name}.{what}"] for what in ("position", "velocity", "effort") for name in self.names]
             self.rows.append([nanoseconds(message.header.stamp) / 1e9, *row])
 
-    def wait(self, condition: Callable[[], bool], what: str, check: Callable[[], None]) -> None:
-        """Spin until something is so."""
+    def wait(self, condition: Callable[[], bool], what: str, check: Callable[[], None], every: float = 0.1) -> None:
+        """Spin until something is so, which is looked at every so many s."""
         end = time.monotonic() + MAX_ARM_WAIT
         while not condition():
-            self._rclpy.spin_once(self.node, timeout_sec=0.1)
+            self._rclpy.spin_once(self.node, timeout_sec=every)
             check()
             if time.monotonic() > end:
                 raise DemoError(f"waited {MAX_ARM_WAIT:g} s in vain for {what}")
@@ -112,6 +113,18 @@ class Operator:
             self._rclpy.spin_once(self.node, timeout_sec=max(0.0, (k + 1) / RATE - (time.monotonic() - begun)))
             check()
         return self._run(seconds)
+
+    def hold(self, until: Callable[[], bool], what: str, check: Callable[[], None]) -> None:
+        """Keep the arm where it is until something is so: what is not commanded falls."""
+        goal = np.array([self.last[f"{name}.position"] for name in self.names])
+        still = np.zeros((1, goal.size))
+        feed = inverse_dynamics(self.model.robot, goal[None], still, still)[0]
+
+        def held() -> bool:
+            self._command(goal, still[0], feed)
+            return until()
+
+        self.wait(held, what, check, 1.0 / RATE)
 
     def _approach(self, goal: Array, check: Callable[[], None], seconds: float = 2.0) -> None:
         start = np.array([self.last[f"{name}.position"] for name in self.names])
@@ -225,7 +238,10 @@ def run(seconds: float, output: Path, say: Callable[[str], None]) -> tuple[ArmDi
             operator.wait(lambda: bool(operator.last), "the arm's joint states", check)
             say(f"two motions of {seconds:g} s, recorded from joint_states ...")
             records = [operator.drive(seconds, seed, check) for seed in (1, 2)]
-            found = diagnose(model, records[:1], records[1:], BAND)
+            with ThreadPoolExecutor(1) as aside:
+                diagnosis = aside.submit(diagnose, model, records[:1], records[1:], BAND)
+                operator.hold(diagnosis.done, "the diagnosis", check)
+            found = diagnosis.result()
             for line in sentences(found):
                 say(f"  {line}")
             text, urdf, path = placed(found.proposal, output / "found_arm.yaml")
@@ -235,8 +251,7 @@ def run(seconds: float, output: Path, say: Callable[[str], None]) -> tuple[ArmDi
             for name in ("given", "found"):
                 parameters = ("state_source:=joint_state", f"update_period:={PERIOD}")
                 start("linearizer", name, output / f"{name}_arm.yaml", *parameters)
-            live = operator.drive(1.0, 3, check)
-            operator.wait(lambda: all(operator.models.values()), "the linearizers' first models", check)
+            operator.hold(lambda: all(operator.models.values()), "the linearizers' first models", check)
             for kept in operator.models.values():
                 kept.clear()
             live = operator.drive(min(seconds, 15.0), 3, check)
