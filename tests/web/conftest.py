@@ -43,7 +43,10 @@ document.body.append(input);
 return input;
 """
 TOP = "return document.getElementById(arguments[0]).getBoundingClientRect().top"
-CENTRE = "document.getElementById(arguments[0]).scrollIntoView({block: 'center', behavior: 'instant'})"
+CENTRE = """
+document.getElementById(arguments[0]).scrollIntoView({block: 'center', behavior: 'instant'});
+requestAnimationFrame(() => requestAnimationFrame(arguments[1])); // the page is told of it in the next frame
+"""
 
 
 class Server:
@@ -282,7 +285,7 @@ class Page:
 
     def centre(self, identity: str) -> float:
         """Scroll an element to the middle of the window; return :meth:`top` of it."""
-        self.driver.execute_script(CENTRE, identity)
+        self.driver.execute_async_script(CENTRE, identity)
         return self.top(identity)
 
     def _state(self) -> Any:
