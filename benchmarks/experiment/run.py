@@ -88,7 +88,7 @@ def planned(tie: Tie, which: int, seed: int, folder: Path) -> Row:
     (folder / "diagnosis.json").write_text(json.dumps(found.to_json()))
     started = time.process_time()
     try:
-        plan = designed(model, data, rivals, ExperimentWishes(limits=tie.limits, duration=tie.duration, seed=seed))
+        plan = designed(model, data, rivals, ExperimentWishes(limits=tie.limits, seed=seed))
     except SignlinError as error:
         return row | {"plan": "", "why": str(error)}
     row |= {"cpu": time.process_time() - started, "plan": plan.words, "verdict": plan.verdict, "tried": plan.tried}

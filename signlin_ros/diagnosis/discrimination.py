@@ -113,17 +113,27 @@ def _refitted(w: Evidence, rival: PlannedRival) -> RefittedRival | None:
 
 
 def discriminated(w: Evidence, s: Selection, rivals: Sequence[RefittedRival]) -> Selection:
-    """Return a selection after the rivals of a plan were refitted: the simplest of those that are surely better takes
-    the place of what was chosen, and then the estimates do not differ any more. Its parameters need not be known one by
-    one, as those of a law must that nobody asked for: that simpler laws lose says that it is not nothing.
+    """Return a selection after the rivals of a plan were refitted: the simplest of those that are surely better, or
+    that are simpler and as good, takes the place of what was chosen, and then the estimates do not differ any more. Its
+    parameters need not be known one by one, as those of a law must that nobody asked for: that simpler laws lose says
+    that it is not nothing.
     """
     final, held = s.chosen, replace(s, rivals=tuple(rivals))
     good = [one.best for one in rivals if len(one.effects) <= max(len(final.effects), 1) and _better(w, final, one)]
     best = min(good, key=lambda f: f.level, default=None)
     near = [f for f in good if best and w.motion.as_good(best, f)]
+    near = near or [one.best for one in rivals if _as_good(w, final, one.best)]
     if not near:
         return held
     return replace(held, chosen=min(near, key=lambda f: (len(f.effects), f.size, f.level)), conflict="")
+
+
+def _as_good(w: Evidence, final: FittedModel, f: FittedModel) -> bool:
+    """Tell whether a rival is simpler than a model, as good, and surely better than the base."""
+    simpler = bool(f.effects) and (len(f.effects), f.size) < (len(final.effects), final.size)
+    if not simpler or f.implausible or w.raises(final, f) or not w.motion.as_good(final, f):
+        return False
+    return w.motion.certainty(w.base, f) >= w.criteria.certainty
 
 
 def _better(w: Evidence, final: FittedModel, one: RefittedRival) -> bool:
@@ -137,8 +147,11 @@ def _better(w: Evidence, final: FittedModel, one: RefittedRival) -> bool:
 
 
 def loses(w: Evidence, rival: FittedModel, final: FittedModel) -> bool:
-    """Tell whether a rival surely errs more than what is named, of validation data, or leaves surely more force."""
-    return w.motion.certainty(rival, final) >= w.criteria.certainty or w.raises(final, rival)
+    """Tell whether a rival surely errs more than what is named, of validation data, or errs more and leaves surely more
+    force.
+    """
+    certainty = w.motion.certainty(rival, final)
+    return certainty >= w.criteria.certainty or (certainty >= w.criteria.tie and w.raises(final, rival))
 
 
 def undecided(w: Evidence, rivals: Sequence[RefittedRival], final: FittedModel) -> list[RefittedRival]:

@@ -82,14 +82,34 @@ class Contender:
     @property
     def sigma_points(self) -> list[Array]:
         """Coordinates (n,) of other minima, then a standard error away, where the uncertainty is the largest."""
-        values, axes = np.linalg.eigh(self.information)
-        low, high = self.bounds
+        values, axes = self._axes
         found = list(self.minima)
         for i in range(min(SIGMA_DIRECTIONS, values.size)):
             step = axes[:, i] / np.sqrt(max(float(values[i]), 1e-12))
             step *= min(1.0, MAX_LOG_SIGMA / max(float(np.abs(step).max()), 1e-12))
-            found += [np.clip(self.theta + s * step, low, high) for s in (1.0, -1.0)]
+            found += [self._beside(s * step) for s in (1.0, -1.0)]
         return found
+
+    @property
+    def _axes(self) -> tuple[Array, Array]:
+        """Eigenvalues (k,) and directions (n, k) of the information of the coordinates that are at no bound."""
+        low, high = self.bounds
+        free = np.flatnonzero((self.theta > low) & (self.theta < high))
+        values, own = np.linalg.eigh(self.information[np.ix_(free, free)])
+        axes = np.zeros((self.theta.size, free.size))
+        axes[free] = own
+        return values, axes
+
+    def _beside(self, step: Array) -> Array:
+        """Return coordinates (n,) a step away, or as far as bounds allow: one that is cut off by itself would be no
+        likely value.
+        """
+        low, high = self.bounds
+        with np.errstate(divide="ignore", invalid="ignore"):
+            room = np.where(
+                step > 0.0, (high - self.theta) / step, np.where(step < 0.0, (low - self.theta) / step, 1.0)
+            )
+        return np.asarray(self.theta + min(1.0, max(float(room.min(initial=1.0)), 0.0)) * step)
 
     def planned(self) -> PlannedRival:
         """Return what a diagnosis of the planned records is told of it: where fits start, and what is of interest."""
@@ -99,10 +119,10 @@ class Contender:
 
     def drawn(self, g: np.random.Generator, count: int) -> list[Array]:
         """Return coordinates (n,) drawn from the estimate's distribution, within bounds."""
-        values, axes = np.linalg.eigh(self.information)
+        values, axes = self._axes
         spread = axes / np.sqrt(np.maximum(values, 1e-12))
         steps = np.clip(g.standard_normal((count, values.size)) @ spread.T, -1.0, 1.0)
-        return [np.clip(self.theta + step, *self.bounds) for step in steps]
+        return [self._beside(step) for step in steps]
 
     def run(self, theta: Array, t: Array, u: Array, x0: Mapping[str, float]) -> Trajectory | None:
         """Return the motion under a command u (T, m); None where it diverges."""

@@ -65,13 +65,13 @@ def _speeds(share: float) -> Bound:
 LARGE: Mapping[str, Mapping[str, Bound]] = {
     "stribeck_friction": {"excess": _share_of("mu"), "v_s": _speeds(MIN_FADING_SPEED)},
     "backlash": {"gap": _play},
-    "lugre_friction": {"F_s": _breakaway},
+    "lugre_friction": {"F_s": _breakaway, "v_s": _speeds(MIN_FADING_SPEED)},
     "load_dependent_friction": {"kappa_d": lambda problem, v: MIN_SIZE_SHARE * (v["kappa_d"] + v["kappa_e"])},
 }
 """By effect: parameters that must be so large."""
 SMALL: Mapping[str, Mapping[str, Bound]] = {
     "dahl_presliding": {"sigma": _soft},
-    "lugre_friction": {"sigma0": _soft},
+    "lugre_friction": {"sigma0": _soft, "v_s": _speeds(MAX_FADING_SPEED)},
     "compliant_load": {"k": _soft},
     "stribeck_friction": {"v_s": _speeds(MAX_FADING_SPEED)},
 }

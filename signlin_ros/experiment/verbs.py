@@ -50,6 +50,8 @@ WINDOWS, MIN_RUN_SECONDS, MAX_RUN_SECONDS = 25, 2.0, 10.0
 """Windows of the horizon that a run holds at least, and s of it at least and, unless they need more, at most."""
 DRAWN, DOWN, TIMES = 12, 0.85, 12
 """Machines drawn from each estimate that must stay within the limits; by what a command is made smaller, how often."""
+LONGER, WORTH_LONGER = 2.0, 1.3
+"""Times as long a record is planned where one is not enough and nobody said how long; times as much it must show."""
 SAME_STEP, MAX_FINER = 0.02, 20.0
 """Share by which a step may differ from that of the first records and be the same; times as fine as it may be."""
 EVERY = 20_000
@@ -149,7 +151,23 @@ def designed(
     search = CommandSearch(bench, limits, _times(bench, wishes), wishes.spare, tell, wishes.seed)
     if search.most <= 0.0:
         raise InputError(f"holding the machine takes {bench.bias:g}, more than its limit {search.limits.input:g}")
-    return _planned(search, rest, wishes, after)
+    plan = _planned(search, rest, wishes, after)
+    if wishes.duration is not None or not _short(plan):
+        return plan
+    tell("a record twice as long", 0.5)
+    t = _times(bench, replace(wishes, duration=LONGER * plan.duration))
+    longer = _planned(CommandSearch(bench, limits, t, wishes.spare, tell, wishes.seed), rest, wishes, after)
+    return longer if _expects(longer) > WORTH_LONGER * _expects(plan) else plan
+
+
+def _short(plan: ExperimentPlan) -> bool:
+    """Tell whether a plan tells rivals apart, but less surely than a plan asks for."""
+    return NEEDED_EVIDENCE / LONGER <= _expects(plan) < ENOUGH
+
+
+def _expects(plan: ExperimentPlan) -> float:
+    """Return the least that a plan expects of pairs that some command tells apart."""
+    return min((one.expected for one in plan.pairs if not (one.alike or one.nested)), default=np.inf)
 
 
 def _rests(bench: RivalBench, i: int, limits: Limits) -> bool:
