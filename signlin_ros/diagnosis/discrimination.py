@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from signlin_ros.diagnosis.equation_error.regression import mean_certainty
 from signlin_ros.diagnosis.evidence import Evidence
 from signlin_ros.diagnosis.output_error import FittedModel
 from signlin_ros.diagnosis.results import listed
@@ -141,9 +142,19 @@ def _better(w: Evidence, final: FittedModel, one: RefittedRival) -> bool:
     f, c = one.best, w.criteria
     if set(one.effects) == set(final.effects) or not one.effects or f.implausible:
         return False
-    if w.motion.gain(final, f).worsens(c.worse, c.alike) or w.raises(final, f) or w.raises(w.base, f):
+    if w.motion.gain(final, f).worsens(c.worse, c.alike) or _raises(w, final, f) or _raises(w, w.base, f):
         return False
     return min(w.motion.certainty(g, f) for g in (final, w.base)) >= c.certainty
+
+
+def _raises(w: Evidence, before: FittedModel, after: FittedModel) -> bool:
+    """Tell whether a model leaves more force than another one, as surely as its motion must be better; not of what
+    remembers the way and leaves but noise of the motion: the noise of the measured way drives its force.
+    """
+    if after.clean and any(EFFECTS[name].states for name in after.effects):
+        return False
+    a, b = w.left(before), w.left(after)
+    return a is not None and b is not None and w.raises(before, after) and mean_certainty(a, b) <= -w.criteria.certainty
 
 
 def loses(w: Evidence, rival: FittedModel, final: FittedModel) -> bool:
