@@ -46,13 +46,20 @@ def up(
 @click.command()
 @click.argument("models", nargs=-1, metavar="[MODEL]...")
 def warm(models: tuple[str, ...]) -> None:
-    """Compile ahead what MODELs need; by default all shipped ones, and a diagnosis. Nothing waits for it later."""
+    """Compile ahead what MODELs need, of a servo every law that is tried on it; by default all shipped ones, and a
+    diagnosis. Nothing waits for it later.
+    """
     from signlin_ros.model import Model, shipped_models
     from signlin_ros.warming import warm_up
 
     for name in models or shipped_models():
         try:
-            seconds = warm_up(Model.load(name))
+            model = Model.load(name)
+            seconds = warm_up(model)
+            if model.plant.closed_loop:
+                from signlin_ros.cli import warming
+
+                seconds += warming.warm_laws(model)
         except InputError as error:
             raise InputError(f"{name}: {error}") from error
         click.echo(f"{name}: {seconds:.1f} s", err=True)

@@ -256,14 +256,21 @@ def test_a_record_without_speed_is_simulated_from_its_first_position(tmp_path):
 
 def kept_apart(kp):
     """Return a record of a servo with a gain."""
+    return of_gain(servo(with_inputs=()), kp)
+
+
+def of_gain(model, kp):
+    """Return a record of a model with a gain."""
     from dataclasses import replace
 
-    model = servo(kp=kp, with_inputs=())
+    model = model.with_parameters({"kp": kp})
     t = np.arange(0.0, 2.0, 0.01)
-    run = simulate(model, t, 0.5 * np.sin(3.0 * t)[:, None], np.zeros(len(model.states)))
+    u = np.tile(model.u0, (t.size, 1))
+    u[:, 0] = 0.5 * np.sin(3.0 * t)
+    run = simulate(model, t, u, np.zeros(len(model.states)))
     data = ModelData(
         t,
-        0.5 * np.sin(3.0 * t)[:, None],
+        u,
         {"position": run["position"] + 1e-4 * np.sin(50.0 * t)},
         np.zeros(len(model.states)),
         model.inputs,
@@ -321,3 +328,21 @@ def test_what_does_not_follow_the_error_is_no_output_of_the_loop():
     record = with_load(200.0, 200.0)
     found = loop_output([replace(record, beside={"load": 100.0 + 50.0 * np.cos(9.0 * record.t)})])
     assert "is not what the loop puts out" in found[0].sentence
+
+
+@pytest.mark.slow
+def test_warm_compiles_the_laws_that_are_tried_on_records(monkeypatch):
+    from signlin_ros.cli.warming import warm_laws
+    from signlin_ros.fitting.candidate import candidate
+    from signlin_ros.follow.equations import equations
+
+    asked, true = [], equations
+    monkeypatch.setattr("signlin_ros.fitting.candidate.equations", lambda *a: asked.append(a) or true(*a))
+    model = Model.load("xl330_servo")
+    warm_laws(model)
+    compiled = set(asked)
+    problem, _ = held_in_turn(model, [of_gain(model, kp) for kp in (100.0, 400.0)])
+    candidate(problem, problem.base, ())
+    more = problem.base.with_effect("load_dependent_friction", "load_dependent_friction", kappa_d=0.1, kappa_e=0.1)
+    candidate(problem, more, ("load_dependent_friction",))
+    assert set(asked) == compiled
