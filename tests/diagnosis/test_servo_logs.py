@@ -23,6 +23,8 @@ def test_load_dependent_friction_is_named_and_another_mass_is_asked_for():
     model, records = load_records(Model.load("xl330_servo"), LOGS)
     found = refine(model, records)
     assert found.ladder[-1].effects == ("load_dependent_friction",)
+    assert found.verdict == "missing"
+    assert "no other listed effect takes that away" in found.sentence
     named = next(e for e in found.ranking if e.effect == "load_dependent_friction")
     assert named.status == "confirmed"
     assert any("another mass" in note for note in found.notes)
