@@ -151,6 +151,8 @@ def _diagnosis(path: str) -> Mapping[str, Any]:
         raise InputError(f"{path}: no JSON: {error}") from error
     if not isinstance(content, dict) or "ranking" not in content:
         raise InputError(f"{path}: not what signlin diagnose --json prints")
+    if "joints" in content:
+        raise InputError(f"{path}: of an arm; experiment does not take an arm")
     if not {"rivals", "given_model", "data"} <= content.keys():
         repeat = "signlin diagnose MODEL DATA... --json > " + path
         raise InputError(f"{path}: made by an older version, which did not tell the rivals; repeat: {repeat}")

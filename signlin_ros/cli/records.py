@@ -17,6 +17,7 @@ from signlin_ros.cli.options import (
     validation_option,
 )
 from signlin_ros.cli.telling import command_line, progress
+from signlin_ros.errors import InputError
 
 
 @click.command(
@@ -66,6 +67,9 @@ def compare(
     original = Model.load(model)
     check_files(original, data, validation, report=report)
     if is_arm(original):
+        for name, value in (("--horizon", horizon), ("--cutoff", cutoff)):
+            if value is not None:
+                raise InputError(f"{name}: is not for arms; --band says below which frequency efforts are compared")
         return compared(ArmRequest(original, data, validation, mapping, band, fit_share, cures, report, tuple(signals)))
     refuse_elsewhere(original, band, fit_share)
     loaded, first, second = load_sides(original, data, validation, mapping)

@@ -226,6 +226,16 @@ def test_a_joint_without_inertia_is_named():
 # ---------------------------------------------------------------- refused
 
 
+@pytest.mark.parametrize("option", ["--horizon", "--cutoff", "--hold-out"])
+def test_options_of_one_mass_are_refused(tmp_path, capsys, option):
+    data = written(tmp_path / "run.csv", NAMES, T, Q, V, U)
+    value = "kp=3" if option == "--hold-out" else "3"
+    assert main(["compare", str(SMALL), data, option, value]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f"signlin: {option}: ")
+    assert error.count("\n") == 1
+
+
 @pytest.mark.parametrize("words", [["experiment", "MODEL", "DATA", "-o", "OUT.csv"]])
 def test_verbs_that_do_not_take_arms_say_so(tmp_path, capsys, words):
     data = written(tmp_path / "run.csv", NAMES, T, Q, V, U)
