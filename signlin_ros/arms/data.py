@@ -58,7 +58,10 @@ class ArmRun:
 
 def read_data(model: ArmModel, paths: Sequence[str], signals: Mapping[str, str]) -> list[ModelData]:
     """Return the records in files in the model's terms, joints found by name; raise `RecordError` naming what lacks."""
-    records = [record for path in paths for record in read_runs(path, model, signals)]
+    try:
+        records = [record for path in paths for record in read_runs(path, model, signals)]
+    except RecordError as error:
+        raise RecordError(f"{error}{_way_out(model, str(error))}") from error
     for record in records:
         lost = [f"{name}.position" for name in model.robot.names if f"{name}.position" not in record.measured]
         if lost:
@@ -67,6 +70,16 @@ def read_data(model: ArmModel, paths: Sequence[str], signals: Mapping[str, str])
                 f"{lost[0]}, or a JointState, or --signal {lost[0]}=COLUMN; or leave the joint out of joints"
             )
     return records
+
+
+def _way_out(model: ArmModel, said: str) -> str:
+    """Return what an arm's file can say instead, of an effort in another unit, and of a joint that is not there."""
+    for name in model.robot.names:
+        if f"{name}.effort is in " in said:
+            return f"; or in the model file {name}: {{effort: {{gain: ...}}}}, what one of its units is in N·m (N)"
+        if f"no column for input '{name}.effort'" in said:
+            return f"; or leave {name} out of joints: it is locked then"
+    return ""
 
 
 def runs_of(model: ArmModel, record: ModelData) -> list[ArmRun]:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from signlin_ros.arms.data import read_data, runs_of
+from signlin_ros.errors import RecordError
 from signlin_ros.model import Model
 from signlin_ros.records.formats.echo import joint_states
 from tests.arm_records import record, small, written
@@ -87,3 +88,14 @@ def test_currents_with_gains_are_torques(tmp_path):
     text = (tmp_path / "run.csv").read_text().replace("effort [N·m]", "effort [A]")
     (tmp_path / "run.csv").write_text(text)
     np.testing.assert_allclose(runs(path, model).tau, U, atol=1e-4)
+
+
+def test_the_way_out_is_that_of_an_arm(tmp_path):
+    written(tmp_path / "run.csv", NAMES, T, Q, V, U)
+    text = (tmp_path / "run.csv").read_text()
+    (tmp_path / "amperes.csv").write_text(text.replace("elbow.effort [N·m]", "elbow.effort [A]"))
+    with pytest.raises(RecordError, match=r"elbow: \{effort: \{gain: \.\.\.\}\}"):
+        read_data(MODEL, [str(tmp_path / "amperes.csv")], {})
+    (tmp_path / "less.csv").write_text(text.replace("elbow.effort", "gripper.effort"))
+    with pytest.raises(RecordError, match="leave elbow out of joints"):
+        read_data(MODEL, [str(tmp_path / "less.csv")], {})
