@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
+from itertools import count
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -41,7 +42,7 @@ def _is_table(data: Any) -> bool:
     return isinstance(data, Mapping) or hasattr(data, "columns")
 
 
-def _of_table(table: Any, model: Model, signals: Mapping[str, str] | None) -> ModelData:
+def _of_table(table: Any, model: Model, signals: Mapping[str, str] | None, source: str = "table") -> ModelData:
     """Return a record from columns (T,) by name (``speed``, ``speed [rpm]``), one of them the time ``t`` in s."""
     from signlin_ros.records import Record, Signal
     from signlin_ros.records.header import heading
@@ -52,7 +53,7 @@ def _of_table(table: Any, model: Model, signals: Mapping[str, str] | None) -> Mo
         raise InputError(f"the table has no column 't' in s; it has {', '.join(heads) or 'no columns'}")
     columns = {str(name): np.asarray(table[name], dtype=float) for name in table}
     rest = {h.name: Signal(columns[name], h.unit, name) for name, h in heads.items() if name != time}
-    return Record(columns[time], rest, source="table").for_model(model, signals)
+    return Record(columns[time], rest, source=source).for_model(model, signals)
 
 
 def _records(
@@ -75,15 +76,20 @@ def _records(
         model, first, second = load_sides(model, first, second, signals)  # type: ignore[assignment]
     else:
         model = _with_position(model, [*first, *second])
-        first, second = ([_record(model, item, signals) for item in side] for side in (first, second))
+        sides, several = (first, second), len(first) + len(second) > 1
+        numbers = count(1)
+        first, second = (
+            [_record(model, item, signals, f"table {next(numbers)}" if several else "table") for item in side]
+            for side in sides
+        )
     if hold_out:
         first, second = held_apart(first, second, hold_out)
     known, unseen, findings = check_sides(model, first, second or None, cures)
     return model, known, unseen, findings
 
 
-def _record(model: Model, item: Any, signals: Mapping[str, str] | None) -> ModelData:
-    """Return one record in the model's terms."""
+def _record(model: Model, item: Any, signals: Mapping[str, str] | None, table: str) -> ModelData:
+    """Return one record in the model's terms; ``table``: what one without a name of its own is called."""
     from signlin_ros.records import ModelData, Record, read_for_model
 
     if isinstance(item, ModelData):
@@ -91,7 +97,7 @@ def _record(model: Model, item: Any, signals: Mapping[str, str] | None) -> Model
     if isinstance(item, Record):
         return item.for_model(model, signals)
     if _is_table(item):
-        return _of_table(item, model, signals)
+        return _of_table(item, model, signals, table)
     if isinstance(item, (str, os.PathLike)):
         return read_for_model(item, model, signals)
     raise InputError(f"a record is a path, a table of columns, a Record or ModelData; found {type(item).__name__}")

@@ -346,3 +346,14 @@ def test_warm_compiles_the_laws_that_are_tried_on_records(monkeypatch):
     more = problem.base.with_effect("load_dependent_friction", "load_dependent_friction", kappa_d=0.1, kappa_e=0.1)
     candidate(problem, more, ("load_dependent_friction",))
     assert set(asked) == compiled
+
+
+def test_tables_of_several_records_have_names_of_their_own():
+    from signlin_ros import compare
+
+    columns = [
+        {"t": r.t, "goal_position": r.u[:, 0], "position": r.measured["position"]}
+        for r in map(kept_apart, (400.0, 400.0))
+    ]
+    found = compare(servo(with_inputs=()), columns, cures=["none"])
+    assert found.sources == ("table 1", "table 2")
