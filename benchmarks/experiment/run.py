@@ -35,7 +35,16 @@ from signlin_ros.records import ModelData
 
 SEEN_STEPS = 12
 """Steps of a refit to all records."""
+RIPPLE = 0.007
+"""Amplitude of each wave of a ripple in N·m."""
 Row = dict[str, Any]
+
+
+def with_ripple(tie: Tie) -> Tie:
+    """Return a tie of machines that have a ripple, a third of the friction in size, that no diagnosis proposes."""
+    ripple: Any = {"torque_ripple": {"orders": [7.0, 11.0], "A": [RIPPLE, RIPPLE], "phi": [0.3, 1.1]}}
+    first, second = (replace(m, effects={**m.effects, **ripple}) for m in tie.machines)
+    return replace(tie, machines=(first, second))
 
 
 def read(tie: Tie, paths: Sequence[Path]) -> tuple[Any, list[ModelData]]:
@@ -142,13 +151,15 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, nargs="+", default=[1])
     parser.add_argument("--only", nargs="*", default=[], help="ties")
     parser.add_argument("--machines", type=int, nargs="*", default=[0, 1], help="first, second or both of a tie")
+    parser.add_argument("--hidden", action="store_true", help="machines with a torque ripple that is never proposed")
     parser.add_argument("--again", action="store_true", help="judge what was planned before, without planning")
     parser.add_argument("--folder", type=Path, default=Path("experiment"), help="of the files of all machines")
     parser.add_argument("--output", type=Path, default=Path("experiment.jsonl"))
     chosen = parser.parse_args()
     rows = []
+    ties = [t for t in (make() for make in TIES) if not chosen.only or t.key in chosen.only]
     for seed in chosen.seeds:
-        for tie in (t for t in (make() for make in TIES) if not chosen.only or t.key in chosen.only):
+        for tie in map(with_ripple, ties) if chosen.hidden else ties:
             for which in chosen.machines:
                 row = case(tie, which, seed, chosen.folder / f"{tie.key}_{which}_{seed}", chosen.again)
                 rows.append(row)
