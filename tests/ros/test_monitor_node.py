@@ -25,6 +25,13 @@ def trigger(graph: Any, service: str) -> Any:
     return graph.call(Trigger, f"/monitor/{service}", Trigger.Request())
 
 
+def over_a_period(graph: Any, errors: list[Any], speed: int) -> float:
+    """The median of the errors that come during the next period of the input."""
+    errors.clear()
+    graph.spin(PERIOD)
+    return median(errors, speed)
+
+
 def median(errors: list[Any], speed: int) -> float:
     return float(np.median([abs(message.data[3 + speed]) for message in errors]))
 
@@ -72,15 +79,12 @@ def test_what_is_found_is_applied_and_taken_back(graph: Any, tmp_path: Path) -> 
     speed, before = nominal.states.index("speed"), median(errors, nominal.states.index("speed"))
     applied = trigger(graph, "apply")
     assert applied.success, applied.message
-    errors.clear()
-    graph.spin(PERIOD)
-    assert median(errors, speed) < before / 5
+    # On a busy machine an input comes late now and then, and the period with it is worse than the model.
+    graph.wait(lambda: over_a_period(graph, errors, speed) < before / 5, "the errors to fall to a fifth", 10 * PERIOD)
     assert trigger(graph, "record").success
     reverted = trigger(graph, "revert")
     assert reverted.success, reverted.message
-    errors.clear()
-    graph.spin(PERIOD)
-    assert median(errors, speed) > before / 2
+    assert over_a_period(graph, errors, speed) > before / 2
     assert not trigger(graph, "revert").success
 
 
