@@ -14,14 +14,14 @@ CALLED = {"mass": "mass", "kp": "gain"}
 FAMILY = "dry friction"
 
 
-def remarks(w: Evidence, v: Verdict) -> list[str]:
+def remarks(evidence: Evidence, verdict: Verdict) -> list[str]:
     """Return what the records cannot tell; empty for other plants."""
-    if not w.case.plant.closed_loop:
+    if not evidence.dataset.plant.closed_loop:
         return []
-    beside, alike = _beside(w, v), same(w.case)
+    beside, alike = _beside(evidence, verdict), same(evidence.dataset)
     found = [beside] if beside else []
     if alike:
-        had = " and ".join(f"one {CALLED[n]} ({value:g}{_unit(w.case, n)})" for n, value in alike.items())
+        had = " and ".join(f"one {CALLED[n]} ({value:g}{_unit(evidence.dataset, n)})" for n, value in alike.items())
         what = " and ".join(ASKED_CONDITIONS[n] for n in alike)
         other = " and ".join(f"another {CALLED[n]}" for n in alike)
         found.append(
@@ -30,39 +30,40 @@ def remarks(w: Evidence, v: Verdict) -> list[str]:
     return found
 
 
-def _beside(w: Evidence, v: Verdict) -> str:
+def _beside(evidence: Evidence, verdict: Verdict) -> str:
     """Return which richer laws of friction the records cannot tell beside what is named."""
-    if not v.names:
+    if not verdict.names:
         return ""
-    tried = w.cache.searched.get(v.names, set()) - set(v.names)
+    tried = evidence.cache.searched.get(verdict.names, set()) - set(verdict.names)
     names = sorted(n for n in tried if find_effect(n, "effects").family == FAMILY)
     if not names:
         return ""
-    gain = f"none lowers the error on validation data by {w.criteria.certainty:g} standard errors"
-    return f"beside {listed(v.names)} these records cannot tell {listed(names)}: {gain}"
+    gain = f"none lowers the error on validation data by {evidence.criteria.certainty:g} standard errors"
+    return f"beside {listed(verdict.names)} these records cannot tell {listed(names)}: {gain}"
 
 
-def experiments(w: Evidence) -> list[str]:
+def experiments(evidence: Evidence) -> list[str]:
     """Return which records would tell more."""
-    alike = same(w.case) if w.case.plant.closed_loop else {}
+    alike = same(evidence.dataset) if evidence.dataset.plant.closed_loop else {}
     what = {"mass": "friction that follows the load from friction that does not", "kp": "the motor from its loop"}
     return [
-        f"to tell {what[n]}: records with another {CALLED[n]} than {x:g}{_unit(w.case, n)}" for n, x in alike.items()
+        f"to tell {what[n]}: records with another {CALLED[n]} than {x:g}{_unit(evidence.dataset, n)}"
+        for n, x in alike.items()
     ]
 
 
-def same(case: Dataset) -> dict[str, float]:
+def same(dataset: Dataset) -> dict[str, float]:
     """Return the conditions that all records have alike, by name."""
-    found, model = dict[str, float](), case.model
+    found, model = dict[str, float](), dataset.model
     for name in ASKED_CONDITIONS:
-        values = {record.conditions.get(name, model.parameters[name]) for record in case.records}
+        values = {record.conditions.get(name, model.parameters[name]) for record in dataset.records}
         if len(values) == 1:
             found[name] = values.pop()
     return found
 
 
-def _unit(case: Dataset, name: str) -> str:
-    return f" {case.plant.pars()[name].unit}".removesuffix(" -")
+def _unit(dataset: Dataset, name: str) -> str:
+    return f" {dataset.plant.pars()[name].unit}".removesuffix(" -")
 
 
 __all__ = ["experiments", "remarks", "same"]

@@ -209,8 +209,8 @@ def compare(
     except InputError as error:
         prepared = error  # the records cannot be used as `diagnose` uses them
     both = _how_inputs_act(prepared, watched)
-    told = [both.case.told_hold] if both and both.case.told_hold else []
-    model = model.with_options(input_hold=both.case.model.input_hold) if both else model
+    told = [both.dataset.told_hold] if both and both.dataset.told_hold else []
+    model = model.with_options(input_hold=both.dataset.model.input_hold) if both else model
     watched.say("noise of the sensors")
     observer, notes = _observed(model, records)
     units, horizon = dict(records[0].units), _horizon(model, horizon, observer.step)

@@ -100,7 +100,7 @@ class Dataset:
 
 
 def dataset_of(model: Model, data: Records, validation: Records | None = None) -> Dataset:
-    """Return a case, without validation of parts that are held out; raises `RecordError` where they tell too little."""
+    """Return both data, with parts held out where none are given for validation; raises `RecordError`."""
     load_entry_points()
     known = as_list(data)
     if model.plant.closed_loop and validation is None:

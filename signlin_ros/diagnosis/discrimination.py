@@ -75,30 +75,30 @@ class RefittedRival:
     at: Callable[[float], tuple[float, FittedModel | None]] = lambda share: (share, None)
 
 
-def refitted(w: Evidence, rivals: Sequence[PlannedRival]) -> tuple[RefittedRival, ...]:
+def refitted(evidence: Evidence, rivals: Sequence[PlannedRival]) -> tuple[RefittedRival, ...]:
     """Return rivals refitted to the records of a diagnosis, and keep them among what was tried; without those that the
     model cannot have, or that diverge.
     """
     found = list[RefittedRival]()
     for rival in rivals:
         try:
-            one = _refitted(w, rival)
+            one = _refitted(evidence, rival)
         except InputError:
             continue
         found += [one] if one else []
     return tuple(found)
 
 
-def _refitted(w: Evidence, rival: PlannedRival) -> RefittedRival | None:
-    motion = w.motion
+def _refitted(evidence: Evidence, rival: PlannedRival) -> RefittedRival | None:
+    motion = evidence.motion
     if not rival.effects:
-        return RefittedRival((), w.base, w.base)
+        return RefittedRival((), evidence.base, evidence.base)
     if len(rival.effects) == 1 and EFFECTS[rival.effects[0]].states:  # what remembers has several minima
-        w.cache.keep(*motion.extensions(w.base, list(rival.effects), share=0.0))
+        evidence.cache.keep(*motion.extensions(evidence.base, list(rival.effects), share=0.0))
     best = motion.fitted_from(rival.effects, rival.starts)
     if best is None:
         return None
-    w.cache.keep(best)
+    evidence.cache.keep(best)
     if not rival.of_interest:
         return RefittedRival(rival.effects, best, best)
     size, (low, high) = next(iter(rival.of_interest.items()))
@@ -113,84 +113,97 @@ def _refitted(w: Evidence, rival: PlannedRival) -> RefittedRival | None:
     return RefittedRival(rival.effects, best, least or best, size, stiff, at)
 
 
-def discriminated(w: Evidence, s: Selection, rivals: Sequence[RefittedRival]) -> Selection:
+def discriminated(evidence: Evidence, selection: Selection, rivals: Sequence[RefittedRival]) -> Selection:
     """Return a selection after the rivals of a plan were refitted: the simplest of those that are surely better, or
     that are simpler and as good, takes the place of what was chosen, and then the estimates do not differ any more. Its
     parameters need not be known one by one, as those of a law must that nobody asked for: that simpler laws lose says
     that it is not nothing.
     """
-    final, held = s.chosen, replace(s, rivals=tuple(rivals))
-    good = [one.best for one in rivals if len(one.effects) <= max(len(final.effects), 1) and _better(w, final, one)]
+    final, held = selection.chosen, replace(selection, rivals=tuple(rivals))
+    good = [
+        one.best for one in rivals if len(one.effects) <= max(len(final.effects), 1) and _better(evidence, final, one)
+    ]
     best = min(good, key=lambda f: f.level, default=None)
-    near = [f for f in good if best and w.motion.as_good(best, f)]
-    near = near or [one.best for one in rivals if _as_good(w, final, one.best)]
+    near = [f for f in good if best and evidence.motion.as_good(best, f)]
+    near = near or [one.best for one in rivals if _as_good(evidence, final, one.best)]
     if not near:
         return held
     return replace(held, chosen=min(near, key=lambda f: (len(f.effects), f.size, f.level)), conflict="")
 
 
-def _as_good(w: Evidence, final: FittedModel, f: FittedModel) -> bool:
+def _as_good(evidence: Evidence, final: FittedModel, f: FittedModel) -> bool:
     """Tell whether a rival is simpler than a model, as good, and surely better than the base."""
     simpler = bool(f.effects) and (len(f.effects), f.size) < (len(final.effects), final.size)
-    if not simpler or f.implausible or w.raises(final, f) or not w.motion.as_good(final, f):
+    if not simpler or f.implausible or evidence.raises(final, f) or not evidence.motion.as_good(final, f):
         return False
-    return w.motion.certainty(w.base, f) >= w.criteria.certainty
+    return evidence.motion.certainty(evidence.base, f) >= evidence.criteria.certainty
 
 
-def _better(w: Evidence, final: FittedModel, one: RefittedRival) -> bool:
+def _better(evidence: Evidence, final: FittedModel, one: RefittedRival) -> bool:
     """Tell whether a rival surely errs less than a model, and than the base, and nothing is worse for it."""
-    f, c = one.best, w.criteria
+    f, c = one.best, evidence.criteria
     if set(one.effects) == set(final.effects) or not one.effects or f.implausible:
         return False
-    if w.motion.gain(final, f).worsens(c.worse, c.alike) or _raises(w, final, f) or _raises(w, w.base, f):
+    if (
+        evidence.motion.gain(final, f).worsens(c.worse, c.alike)
+        or _raises(evidence, final, f)
+        or _raises(evidence, evidence.base, f)
+    ):
         return False
-    return min(w.motion.certainty(g, f) for g in (final, w.base)) >= c.certainty
+    return min(evidence.motion.certainty(g, f) for g in (final, evidence.base)) >= c.certainty
 
 
-def _raises(w: Evidence, before: FittedModel, after: FittedModel) -> bool:
+def _raises(evidence: Evidence, before: FittedModel, after: FittedModel) -> bool:
     """Tell whether a model leaves more force than another one, as surely as its motion must be better; not of what
     remembers the way and leaves but noise of the motion: the noise of the measured way drives its force.
     """
     if after.clean and any(EFFECTS[name].states for name in after.effects):
         return False
-    a, b = w.left(before), w.left(after)
-    return a is not None and b is not None and w.raises(before, after) and mean_certainty(a, b) <= -w.criteria.certainty
+    a, b = evidence.left(before), evidence.left(after)
+    return (
+        a is not None
+        and b is not None
+        and evidence.raises(before, after)
+        and mean_certainty(a, b) <= -evidence.criteria.certainty
+    )
 
 
-def loses(w: Evidence, rival: FittedModel, final: FittedModel) -> bool:
+def loses(evidence: Evidence, rival: FittedModel, final: FittedModel) -> bool:
     """Tell whether a rival surely errs more than what is named, of validation data, or errs more and leaves surely more
     force.
     """
-    certainty = w.motion.certainty(rival, final)
-    return certainty >= w.criteria.certainty or (certainty >= w.criteria.tie and w.raises(final, rival))
+    certainty = evidence.motion.certainty(rival, final)
+    return certainty >= evidence.criteria.certainty or (
+        certainty >= evidence.criteria.tie and evidence.raises(final, rival)
+    )
 
 
-def undecided(w: Evidence, rivals: Sequence[RefittedRival], final: FittedModel) -> list[RefittedRival]:
+def undecided(evidence: Evidence, rivals: Sequence[RefittedRival], final: FittedModel) -> list[RefittedRival]:
     """Return the rivals that do not surely lose, at their smallest size of interest; but those that by themselves are
     no step beyond the base, and what contains all that is named.
     """
     others = [r for r in rivals if not set(final.effects) <= set(r.effects)]
-    open_ones = [r for r in others if not loses(w, r.least, final)]
-    return [r for r in open_ones if r.size or not r.effects or not w.motion.refused(w.base, r.best)]
+    open_ones = [r for r in others if not loses(evidence, r.least, final)]
+    return [r for r in open_ones if r.size or not r.effects or not evidence.motion.refused(evidence.base, r.best)]
 
 
-def told(w: Evidence, rivals: Sequence[RefittedRival], final: FittedModel) -> str:
+def told(evidence: Evidence, rivals: Sequence[RefittedRival], final: FittedModel) -> str:
     """Return what was made of the rivals, in words; empty where there are none, or nothing is named."""
     if not rivals or not final.effects:
         return ""
-    ties = undecided(w, rivals, final)
+    ties = undecided(evidence, rivals, final)
     parts = []
     if ties:
         names = listed(["+".join(r.effects) or "nothing" for r in ties])
         parts.append(f"Not decided: {names}, refitted from the values of the plan, cannot be told from it")
     others = [r for r in rivals if r not in ties and r.effects and set(r.effects) != set(final.effects)]
-    lost = [r for r in others if loses(w, r.least, final)]
+    lost = [r for r in others if loses(evidence, r.least, final)]
     if lost:
-        least = min(w.motion.certainty(r.least, final) for r in lost)
+        least = min(evidence.motion.certainty(r.least, final) for r in lost)
         names = listed(["+".join(r.effects) for r in lost])
         what = f"{'loses' if len(lost) == 1 else 'lose'} by {least:.1f} standard errors" + " or more" * (len(lost) > 1)
         parts.append(f"Refitted from the values of the plan {names} {what}")
-    bounds = [b for r in lost if _holds(r, final) and (b := _bound(w, r, final))]
+    bounds = [b for r in lost if _holds(r, final) and (b := _bound(evidence, r, final))]
     parts += [f"Excluded is {joined(bounds)}"] if bounds else []
     return " ".join(f"{part}." for part in parts)
 
@@ -201,15 +214,15 @@ def _holds(r: RefittedRival, final: FittedModel) -> bool:
     return bool(r.size and families[0]) and families[0] == families[1] and r.best.size > final.size
 
 
-def _bound(w: Evidence, r: RefittedRival, final: FittedModel) -> str:
+def _bound(evidence: Evidence, r: RefittedRival, final: FittedModel) -> str:
     """Return the smallest size of what a lost rival adds that is excluded, in words; empty where none is."""
     smallest = ""
     for share in reversed(BOUND_SHARES):
         value, f = r.at(share)
-        if f is None or not loses(w, f, final):
+        if f is None or not loses(evidence, f, final):
             break
         key, _, name = r.size.rpartition(".")
-        unit = w.case.problem.shown(resolve_unit(declared(f.model)[r.size].unit, f.model.plant, False))
+        unit = evidence.dataset.problem.shown(resolve_unit(declared(f.model)[r.size].unit, f.model.plant, False))
         size = f"{with_error(value, 0.2 * value)[0]} {unit}".rstrip()
         smallest = f"{listed([key])} with {name} of {size} or {'less' if r.stiff else 'more'}"
     return smallest

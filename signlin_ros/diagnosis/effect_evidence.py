@@ -89,44 +89,48 @@ class EffectEvidence:
     spectrum: Spectrum | None = None
 
 
-def effect_evidence(w: Evidence, fitted: FittedModel, effect: str) -> EffectEvidence | None:
+def effect_evidence(evidence: Evidence, fitted: FittedModel, effect: str) -> EffectEvidence | None:
     """Return the evidence for an effect of a fitted model; None where no force shows it."""
-    force = w.force
+    force = evidence.force
     if force is None or changes_effort(find_effect(effect, "effects")):
         return None
-    measured, computed = _lacking(w, fitted, effect)
+    measured, computed = _lacking(evidence, fitted, effect)
     waves = waves_of(fitted.model, effect)
-    place = _place(w, computed, waves)
+    place = _place(evidence, computed, waves)
     named = _explanation(fitted, effect, place, measured, computed)
     if named is None:
         return None
-    plant = w.case.plant
-    unit = w.case.problem.shown(resolve_unit("F", plant))
-    sources = tuple(dict.fromkeys(s.source for s in w.case.unseen.segments))
+    plant = evidence.dataset.plant
+    unit = evidence.dataset.problem.shown(resolve_unit("F", plant))
+    sources = tuple(dict.fromkeys(s.source for s in evidence.dataset.unseen.segments))
     cutoff = force.validation.pieces[0].cutoff
     quantity = "missing torque" if unit == "N·m" else "missing force"
     rows = None
-    if place.kept is not None and _turns(w):
-        rows = spectrum(_at(w, plant.position)[place.kept], named.measured, named.measured - named.computed, waves)
+    if place.kept is not None and _turns(evidence):
+        rows = spectrum(
+            _at(evidence, plant.position)[place.kept], named.measured, named.measured - named.computed, waves
+        )
     return EffectEvidence(
-        quantity, unit, place, cutoff, sources, named, _rival(w, fitted, effect, place), tuple(waves), rows
+        quantity, unit, place, cutoff, sources, named, _rival(evidence, fitted, effect, place), tuple(waves), rows
     )
 
 
-def _lacking(w: Evidence, fitted: FittedModel, effect: str) -> tuple[Array, Array]:
+def _lacking(evidence: Evidence, fitted: FittedModel, effect: str) -> tuple[Array, Array]:
     """Return the force (N,) that is missing without an effect, and what the effect makes of it, on validation data."""
-    force = w.force
+    force = evidence.force
     assert force is not None  # noqa: S101  asked before
     less = fitted.model
-    for key in [k for k, use in less.effects.items() if use.type == effect and k not in w.case.problem.base.effects]:
+    for key in [
+        k for k, use in less.effects.items() if use.type == effect and k not in evidence.dataset.problem.base.effects
+    ]:
         less = less.without_effect(key)
     without, with_it = (force.validation.missing(m) for m in (less, fitted.model))
     return without, without - with_it
 
 
-def _at(w: Evidence, name: str) -> Array:
+def _at(evidence: Evidence, name: str) -> Array:
     """Return a coordinate (N,) where forces are told, on validation data."""
-    force = w.force
+    force = evidence.force
     assert force is not None  # noqa: S101  asked before
     return np.concatenate([p.values[name][p.kept] for p in force.validation.pieces])
 
@@ -137,22 +141,22 @@ def _passing(velocity: Array, wave: Wave, cutoff: float) -> NDArray[np.bool_]:
     return slow if np.count_nonzero(slow) >= 3 * MIN_SHOWN_SAMPLES else np.ones(velocity.size, dtype=np.bool_)
 
 
-def _turns(w: Evidence) -> bool:
+def _turns(evidence: Evidence) -> bool:
     """Tell whether the axis turns: then waves have whole orders."""
-    return w.case.problem.shown(resolve_unit("Q", w.case.plant)) == "rad"
+    return evidence.dataset.problem.shown(resolve_unit("Q", evidence.dataset.plant)) == "rad"
 
 
-def _place(w: Evidence, computed: Array, waves: Sequence[Wave] = ()) -> Place:
+def _place(evidence: Evidence, computed: Array, waves: Sequence[Wave] = ()) -> Place:
     """Return the coordinate over which a force is most nearly a curve, for each direction of motion; of one that
     repeats the position within a period of its strongest wave.
     """
-    force, plant = w.force, w.case.plant
+    force, plant = evidence.force, evidence.dataset.plant
     assert force is not None  # noqa: S101  asked before
     parts = force.validation.pieces
-    velocity, position = _at(w, plant.velocity), _at(w, plant.position)
+    velocity, position = _at(evidence, plant.velocity), _at(evidence, plant.position)
     if waves:
         kept = _passing(velocity, waves[0], parts[0].cutoff)
-        x, turns = folded(position[kept], waves[0].order), _turns(w)
+        x, turns = folded(position[kept], waves[0].order), _turns(evidence)
         name = (
             f"{plant.position} within 1/{waves[0].order:.4g} of a turn"
             if turns
@@ -167,7 +171,7 @@ def _place(w: Evidence, computed: Array, waves: Sequence[Wave] = ()) -> Place:
         t = np.concatenate([p.t[p.kept] + end for p, end in zip(parts, ends, strict=False)])
         return Place("time", "s", t, np.zeros(t.size), True, False)
     x = velocity if best == plant.velocity else position
-    quantity, problem = "Q/s" if best == plant.velocity else "Q", w.case.problem
+    quantity, problem = "Q/s" if best == plant.velocity else "Q", evidence.dataset.problem
     unit = problem.shown(problem.units.get(best) or resolve_unit(quantity, plant))
     return Place(best, unit, x, side, False, best == plant.velocity)
 
@@ -181,34 +185,34 @@ def _unexplained(x: Array, side: Array, values: Array) -> float:
     return float(np.var(values - mean[index]) / max(float(np.var(values)), 1e-300))
 
 
-def _rival(w: Evidence, fitted: FittedModel, effect: str, place: Place) -> Explanation | None:
+def _rival(evidence: Evidence, fitted: FittedModel, effect: str, place: Place) -> Explanation | None:
     """Return the explanation of the best other effect in place of one; where there is none, what is left without it."""
     rest = set(fitted.effects) - {effect}
     options = [
         one
-        for one in w.cache.tried
+        for one in evidence.cache.tried
         if rest < set(one.effects) and len(one.effects) == len(fitted.effects) and effect not in one.effects
     ]
-    best = min(options, key=lambda one: one.level, default=None) or _by_force(w, rest, effect)
+    best = min(options, key=lambda one: one.level, default=None) or _by_force(evidence, rest, effect)
     if best is None:
         return None
     (other,) = set(best.effects) - rest
     if changes_effort(find_effect(other, "effects")):
         return None
-    return _explanation(best, other, place, *_lacking(w, best, other))
+    return _explanation(best, other, place, *_lacking(evidence, best, other))
 
 
-def _by_force(w: Evidence, rest: set[str], effect: str) -> FittedModel | None:
+def _by_force(evidence: Evidence, rest: set[str], effect: str) -> FittedModel | None:
     """Return the best other effect in place of one as the equation-error estimate fitted it, if none was worth a
     simulation.
     """
-    force = w.force
+    force = evidence.force
     if force is None:
         return None
     known = (*force.sets.values(), *force.beside.get(effect, ()))
     sets = [m for m in known if rest < m.names and len(m.names) == len(rest) + 1]
     for m in sorted((m for m in sets if effect not in m.names), key=lambda m: m.error):
-        found = w.motion.stated([n for n, _ in m.members], force.with_laws(m))
+        found = evidence.motion.stated([n for n, _ in m.members], force.with_laws(m))
         if found is not None and np.mean(force.residual_as_written(found.model)) < force.base.error:
             return found  # as it is written: a stiff law may be no more than its column
     return None

@@ -1,5 +1,5 @@
-"""Both estimates of a case: what they measure of a model on validation data, and what was fitted so far. The tables of
-all verbs show a row of each model; the first rows are the same in all for the same files.
+"""Both estimates of a data set: what they measure of a model on validation data. The tables of all verbs show a row of
+each model; the first rows are the same in all for the same files.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Evidence:
     the motion alone would have it, where the forces contradict that (`grounded`). Fits are kept in ``cache``.
     """
 
-    case: Dataset
+    dataset: Dataset
     motion: OutputErrorEstimator
     force: EquationErrorResult | None
     contradicted: FittedModel | None = None
@@ -73,7 +73,7 @@ class Evidence:
             return self
         told = force.with_laws(force.fit)
         held = {n: told.value(n) for n in force.regression.names if n in told.parameters}
-        found = Evidence(self.case, motion.holding(held, motion.progress), force, motion.base)
+        found = Evidence(self.dataset, motion.holding(held, motion.progress), force, motion.base)
         if (own := found.as_written(found.base)) is not None and np.mean(own) > np.mean(given):
             return replace(found, motion=found.motion.referring_to_given())
         return found
@@ -250,8 +250,8 @@ class Evidence:
 
     def row(self, f: FittedModel, left: Array | None) -> LadderRow:
         """Return the row of a fit; ``left``: the mean squared force (blocks,) that it leaves of validation data."""
-        case, noise = self.case, np.array(list(self.case.noise.values()))
-        sides = ((case.problem, f.training_squares), (case.unseen, f.validation_squares))
+        dataset, noise = self.dataset, np.array(list(self.dataset.noise.values()))
+        sides = ((dataset.problem, f.training_squares), (dataset.unseen, f.validation_squares))
         first, second = (Scores(of_windows(problem, squares, noise)) for problem, squares in sides)
         return LadderRow(
             f.effects, first, second, self.told_percent(f, left), self.noise_percent if self.force else None
@@ -260,11 +260,11 @@ class Evidence:
     def first_rows(self) -> FirstRows:
         """Return the first rows."""
         given = self.row(self.motion.given, self.as_written(self.motion.given))
-        return FirstRows(given, self.row(self.base, self.left(self.base)), self.case.horizon)
+        return FirstRows(given, self.row(self.base, self.left(self.base)), self.dataset.horizon)
 
     def rising(self, before: FittedModel, after: FittedModel, times: float) -> str:
         """Return the channel whose printed error rises between models, by so many standard errors; empty if none."""
-        pairs = zip(self.case.problem.channels, before.validation_squares.T, after.validation_squares.T, strict=True)
+        pairs = zip(self.dataset.problem.channels, before.validation_squares.T, after.validation_squares.T, strict=True)
         return next((name for name, a, b in pairs if self.rises(a, b, times)), "")
 
     def rises(self, before: Array, after: Array, times: float) -> bool:
@@ -293,7 +293,7 @@ class Evidence:
         if not f.clean or _floats(f):
             return False
         own = self.criteria.near * np.maximum([one.over_noise for one in f.left], 1.0)
-        pairs = ((f.training_squares, self.case.problem.noise), (f.validation_squares, self.case.unseen.noise))
+        pairs = ((f.training_squares, self.dataset.problem.noise), (f.validation_squares, self.dataset.unseen.noise))
         return all(bool(np.all(np.sqrt(np.nanmean(squares, axis=0)) < own * noise)) for squares, noise in pairs)
 
 

@@ -26,8 +26,8 @@ class FamilyChoice:
     @property
     def imposed(self) -> bool:
         """Whether the motion is imposed: both estimates speak of one force then, the motion's of all its band."""
-        case = self.evidence.case
-        return case.plant.motion_is_imposed()
+        dataset = self.evidence.dataset
+        return dataset.plant.motion_is_imposed()
 
     def simulated(self, fit: RegressionFit) -> FittedModel | None:
         """Return a set of the equation-error estimate fitted by simulation; None where that cannot be."""
@@ -50,20 +50,22 @@ class FamilyChoice:
 
     def in_family(self, found: FittedModel) -> FittedModel:
         """Return a model with a richer law in place of one if motion surely asks for it, and force where it is seen."""
-        w, laws = self.evidence, self.force.laws
+        evidence, laws = self.evidence, self.force.laws
         for name in found.effects:
             family = laws[name].effect.family
             kin = [n for n, law in laws.items() if family and law.effect.family == family]
-            richer = [n for n in kin if n not in found.effects and n in w.laws]
+            richer = [n for n in kin if n not in found.effects and n in evidence.laws]
             options, least, fit = [], np.inf, found.fit
             if richer and found.clean and not self.imposed:
-                least = w.motion.soon(fit.candidate, fit.theta) - w.criteria.least**2
+                least = evidence.motion.soon(fit.candidate, fit.theta) - evidence.criteria.least**2
             for other in self.worth_it(found, name, richer):
                 rest = tuple(n if n != name else other for n in found.effects)
                 one = self._fitted(rest, partial(self._started, found, name, other), least)
                 options += [one] if one else []
-            better = self.of_one_force(found, options) if self.imposed else w.motion.alike(found, options)
-            found = next((one for one in better if self.imposed or not w.sees(found) or self._shows(found, one)), found)
+            better = self.of_one_force(found, options) if self.imposed else evidence.motion.alike(found, options)
+            found = next(
+                (one for one in better if self.imposed or not evidence.sees(found) or self._shows(found, one)), found
+            )
         return found
 
     def worth_it(self, found: FittedModel, name: str, richer: Sequence[str]) -> list[str]:
@@ -112,9 +114,9 @@ class FamilyChoice:
         """Return the options to stand in a model's place where the motion is imposed: they take away a visible part of
         the force in all its band, beyond doubt or half of what is left, and do not leave more in the low-pass.
         """
-        w, c, motion = self.evidence, self.evidence.criteria, self.evidence.motion
+        evidence, c, motion = self.evidence, self.evidence.criteria, self.evidence.motion
         most = found.errors**2 - c.each * motion.base.errors**2
-        visible = [one for one in options if not w.raises(found, one) and np.any(one.errors**2 < most)]
+        visible = [one for one in options if not evidence.raises(found, one) and np.any(one.errors**2 < most)]
         gains = [(one, motion.gain(found, one)) for one in visible if not one.insignificant(c)]
         halved = [one for one, g in gains if g.share >= HALF and g.certainty >= c.least]
         return motion.alike(found, visible) or sorted(halved, key=lambda one: one.level)

@@ -42,39 +42,39 @@ class Findings:
         return rotary_unit(unit) if self.rotary else unit
 
 
-def findings_of(w: Evidence, v: Verdict, model: Model, told: Collection[str]) -> Findings:
+def findings_of(evidence: Evidence, verdict: Verdict, model: Model, told: Collection[str]) -> Findings:
     """Return what is shown of a verdict; ``model``: as it is proposed, ``told``: its parameters that tables show."""
-    problem, unseen = w.case.problem, w.case.unseen
-    best = nearest(w)
+    problem, unseen = evidence.dataset.problem, evidence.dataset.unseen
+    best = nearest(evidence)
     return Findings(
         base=problem.base,
-        refitted=v.base.model,
+        refitted=verdict.base.model,
         training=tuple(s.source for s in problem.segments),
         validation=tuple(s.source for s in unseen.segments),
         units=problem.units,
         rotary=problem.rotary,
         held=held(problem, model, told),
-        reversed=v.reversed,
-        effects=_named(w, v) or _best(w, v),
+        reversed=verdict.reversed,
+        effects=_named(evidence, verdict) or _best(evidence, verdict),
         nearest=best.effects[0] if best else "",
     )
 
 
-def nearest(w: Evidence) -> FittedModel | None:
+def nearest(evidence: Evidence) -> FittedModel | None:
     """Return the best single effect that was fitted, named or not; None where none was."""
-    return min(w.single, key=attrgetter("level"), default=None)
+    return min(evidence.single, key=attrgetter("level"), default=None)
 
 
-def _named(w: Evidence, v: Verdict) -> dict[str, EffectEvidence]:
+def _named(evidence: Evidence, verdict: Verdict) -> dict[str, EffectEvidence]:
     """Return the evidence of every effect of the selected model."""
-    found = {n: effect_evidence(w, v.final, n) for n in v.names}
+    found = {n: effect_evidence(evidence, verdict.final, n) for n in verdict.names}
     return {n: one for n, one in found.items() if one is not None}
 
 
-def _best(w: Evidence, v: Verdict) -> dict[str, EffectEvidence]:
+def _best(evidence: Evidence, verdict: Verdict) -> dict[str, EffectEvidence]:
     """Return the evidence of the best single effect that shows as a force, where none is named."""
-    for f in () if v.names else sorted(w.single, key=attrgetter("level")):
-        found = effect_evidence(w, f, f.effects[0])
+    for f in () if verdict.names else sorted(evidence.single, key=attrgetter("level")):
+        found = effect_evidence(evidence, f, f.effects[0])
         if found is not None:
             return {f.effects[0]: found}
     return {}

@@ -82,7 +82,7 @@ class HoldTrial:
 
 
 def asks_hold(c: Dataset) -> bool:
-    """Tell whether the records of a case are to show how their inputs act: an imposed motion has a rule of its own."""
+    """Tell whether records are to show how their inputs act: an imposed motion has a rule of its own."""
     return c.model.asks_hold and not c.model.plant.motion_is_imposed()
 
 
@@ -94,7 +94,7 @@ def at_noise(motion: OutputErrorEstimator, squares: Array) -> bool:
 def with_hold(
     c: Dataset, motion: OutputErrorEstimator, force: EquationErrorResult | None, criteria: Criteria
 ) -> tuple[Dataset, OutputErrorEstimator] | None:
-    """Return the case and its base with the hold that the records show; None where inputs act as if held, or where
+    """Return the data set and its base with the hold that the records show; None where inputs act as if held, or where
     nothing tells.
     """
     held = _tried(motion, force, stop=True)

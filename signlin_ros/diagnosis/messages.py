@@ -38,56 +38,64 @@ HELD_INPUTS = (
 LEARN_HINT = "`signlin add learned_force` learns it as a curve"
 
 
-def sentence(w: Evidence, v: Verdict) -> str:
+def sentence(evidence: Evidence, verdict: Verdict) -> str:
     """Return the verdict in a few sentences, or what adding the effect that was asked for is worth."""
-    if v.refused:
-        return f"The record does not ask for {listed([v.selection.asked])}: {v.refused}."
-    if v.selection.asked:
-        return f"With {listed([v.selection.asked])}, {falls(w, v, v.base, v.final)}.{remainder(w, v)}"
-    if v.reversed:
+    if verdict.refused:
+        return f"The record does not ask for {listed([verdict.selection.asked])}: {verdict.refused}."
+    if verdict.selection.asked:
+        what = falls(evidence, verdict, verdict.base, verdict.final)
+        return f"With {listed([verdict.selection.asked])}, {what}.{remainder(evidence, verdict)}"
+    if verdict.reversed:
         return (
-            f"With the sign of {v.reversed} reversed the model as it is follows this record much better: "
+            f"With the sign of {verdict.reversed} reversed the model as it is follows this record much better: "
             "check that sign before anything else."
         )
-    first = _first(v)
-    if v.label == "adequate":
-        return f"{first}{NOTHING_MISSING}{_left_over(w, v)}.{_motion_left(w, v)}"
-    if v.label == "missing":
-        return f"{first}The model lacks {listed(v.names)}: {falls(w, v, v.base, v.final)}.{remainder(w, v)}"
-    return f"{first}{_unexplained(w, v)}"
+    first = _first(verdict)
+    if verdict.label == "adequate":
+        return f"{first}{NOTHING_MISSING}{_left_over(evidence, verdict)}.{_motion_left(evidence, verdict)}"
+    if verdict.label == "missing":
+        what = falls(evidence, verdict, verdict.base, verdict.final)
+        return f"{first}The model lacks {listed(verdict.names)}: {what}.{remainder(evidence, verdict)}"
+    return f"{first}{_unexplained(evidence, verdict)}"
 
 
-def _first(v: Verdict) -> str:
+def _first(verdict: Verdict) -> str:
     """Return what is told before anything else: base parameters far from what was said of them."""
-    if not v.far:
+    if not verdict.far:
         return ""
-    parts = [f"{n} ends {abs(x):.1f} tolerances from its nominal value" for n, x in v.far.items()]
-    same = ", and the same is found with it held there" if v.label == "missing" else ""
+    parts = [f"{n} ends {abs(x):.1f} tolerances from its nominal value" for n, x in verdict.far.items()]
+    same = ", and the same is found with it held there" if verdict.label == "missing" else ""
     return f"Check this first: {joined(parts)}{same}. "
 
 
-def _unexplained(w: Evidence, v: Verdict) -> str:
-    why, said = v.reason, REASONS[v.reason].said
+def _unexplained(evidence: Evidence, verdict: Verdict) -> str:
+    why, said = verdict.reason, REASONS[verdict.reason].said
     if why == "conflict":
-        return f"The two estimates differ: {v.selection.conflict}. Nothing is confirmed.{remainder(w, v)}"
+        conflict = verdict.selection.conflict
+        return f"The two estimates differ: {conflict}. Nothing is confirmed.{remainder(evidence, verdict)}"
     if why == "lost":
-        return follows_nothing(v.lost)
-    there = further(w.case) if why == "elsewhere" else ""
-    if v.names:
-        what = falls(w, v, v.base, v.final)
-        changes = f"{'rises' if v.beside_given < 0 else 'falls'} by {abs(v.beside_given):.1f} standard errors"
-        loops, rest = (family_of(v.loop, v.changing), remainder(w, v)) if why == "loop" else ("", "")
+        return follows_nothing(verdict.lost)
+    there = further(evidence.dataset) if why == "elsewhere" else ""
+    if verdict.names:
+        what = falls(evidence, verdict, verdict.base, verdict.final)
+        changes = (
+            f"{'rises' if verdict.beside_given < 0 else 'falls'} by {abs(verdict.beside_given):.1f} standard errors"
+        )
+        loops, rest = (
+            (family_of(verdict.loop, verdict.changing), remainder(evidence, verdict)) if why == "loop" else ("", "")
+        )
         ends = {"there": f": {there}" if there else ".", "loops": loops, "rest": rest}
-        said = said.format(v=v, falls=what, changes=changes, **ends)
-        part = f" {'explains' if len(v.names) == 1 else 'explain'} a part"
-        known = f"{listed(v.names).capitalize()}{'' if why == 'worse' else part}"
-        return known + (said or f": {what}.{remainder(w, v)}")
+        said = said.format(v=verdict, falls=what, changes=changes, **ends)
+        part = f" {'explains' if len(verdict.names) == 1 else 'explain'} a part"
+        known = f"{listed(verdict.names).capitalize()}{'' if why == 'worse' else part}"
+        return known + (said or f": {what}.{remainder(evidence, verdict)}")
     if why == "elsewhere":
         differs = there or "what differs?"
-        return f"The model follows the data it was fitted to, and not the unseen ones{_left_over(w, v)}: {differs}"
-    rest = remainder(w, v)
-    none = f"Something is missing that no listed effect explains{'' if rest else _left_over(w, v)}"
-    return f"{_unsure(w, v) or none}.{rest}"
+        left = _left_over(evidence, verdict)
+        return f"The model follows the data it was fitted to, and not the unseen ones{left}: {differs}"
+    rest = remainder(evidence, verdict)
+    none = f"Something is missing that no listed effect explains{'' if rest else _left_over(evidence, verdict)}"
+    return f"{_unsure(evidence, verdict) or none}.{rest}"
 
 
 def further(c: Dataset) -> str:
@@ -115,12 +123,16 @@ def _reaches(problem: Problem) -> dict[str, tuple[float, float]]:
     return {n: (float(np.nanmin(x)), float(np.nanmax(x))) for n, x in columns.items()}
 
 
-def _unsure(w: Evidence, v: Verdict) -> str:
+def _unsure(evidence: Evidence, verdict: Verdict) -> str:
     """Return which effects alone take most of what is missing away, of a force that is seen too, but not surely."""
-    motion, c, found = w.motion, w.criteria, dict[str, float]()
-    for f in sorted(w.single, key=lambda f: f.size):
-        g, certainty, part = motion.gain(v.base, f), motion.certainty(v.base, f), w.remaining(w.left(f))
-        if w.sees(v.base) and (part is None or part > HALF):
+    motion, c, found = evidence.motion, evidence.criteria, dict[str, float]()
+    for f in sorted(evidence.single, key=lambda f: f.size):
+        g, certainty, part = (
+            motion.gain(verdict.base, f),
+            motion.certainty(verdict.base, f),
+            evidence.remaining(evidence.left(f)),
+        )
+        if evidence.sees(verdict.base) and (part is None or part > HALF):
             continue
         if g.share > HALF and 0.0 < certainty < c.certainty and not g.worsens(c.worse, c.alike):
             found[f.effects[0]] = certainty
@@ -132,95 +144,104 @@ def _unsure(w: Evidence, v: Verdict) -> str:
     return f"Too little was recorded to tell what is missing: {told} would take most of it away, but {surely}"
 
 
-def falls(w: Evidence, v: Verdict, before: FittedModel, after: FittedModel) -> str:
+def falls(evidence: Evidence, verdict: Verdict, before: FittedModel, after: FittedModel) -> str:
     """Return by how much the errors on validation data fall from one model to another: the force, and the motion."""
     parts = []
-    a, b = (w.told_percent(f, force_left(w, f, v.final)) for f in (before, after))  # what no row shows is not told
-    if a is not None and b is not None and b < (1 - w.criteria.alike) * a:
-        parts.append(f"the missing force falls from {a:.3g} % to {b:.3g} % {w.of_effort}")
-    parts = _errors_fall(w, before, after, parts)
+    a, b = (
+        evidence.told_percent(f, force_left(evidence, f, verdict.final)) for f in (before, after)
+    )  # what no row shows is not told
+    if a is not None and b is not None and b < (1 - evidence.criteria.alike) * a:
+        parts.append(f"the missing force falls from {a:.3g} % to {b:.3g} % {evidence.of_effort}")
+    parts = _errors_fall(evidence, before, after, parts)
     return f"on validation data {joined(parts)}" if parts else f"validation data hardly show it{freed(before, after)}"
 
 
-def _errors_fall(w: Evidence, before: FittedModel, after: FittedModel, parts: list[str]) -> list[str]:
-    problem = w.case.problem
+def _errors_fall(evidence: Evidence, before: FittedModel, after: FittedModel, parts: list[str]) -> list[str]:
+    problem, horizon = evidence.dataset.problem, evidence.dataset.horizon
     for name, first, last in zip(problem.channels, before.errors, after.errors, strict=True):
-        if last < (1 - w.criteria.alike) * first:
+        if last < (1 - evidence.criteria.alike) * first:
             verb, unit = "" if parts else "falls ", problem.shown(problem.units.get(name, ""))
-            what = f"the error of {name} over {w.case.horizon:.3g} s {verb}from {first:.3g} to {last:.3g} {unit}"
+            what = f"the error of {name} over {horizon:.3g} s {verb}from {first:.3g} to {last:.3g} {unit}"
             parts = [*parts, what.rstrip()]
     return parts
 
 
-def remainder(w: Evidence, v: Verdict) -> str:
+def remainder(evidence: Evidence, verdict: Verdict) -> str:
     """Return what is left, and what would take it away."""
-    noise = w.noise_percent
-    if v.names and v.imposed is not None:
-        return f" Over {w.case.horizon:.3g} s, {v.imposed:.3g} % of the spread of the force is left."
-    if v.names and v.percent is None:
-        return _motion_left(w, v)
-    if v.percent is None or v.percent <= w.criteria.sees * noise:
+    noise = evidence.noise_percent
+    if verdict.names and verdict.imposed is not None:
+        return f" Over {evidence.dataset.horizon:.3g} s, {verdict.imposed:.3g} % of the spread of the force is left."
+    if verdict.names and verdict.percent is None:
+        return _motion_left(evidence, verdict)
+    if verdict.percent is None or verdict.percent <= evidence.criteria.sees * noise:
         return ""
-    left, curve = f" What is left is {v.percent:.3g} % {w.of_effort}", v.flexible
-    if curve.visible and curve.percent < (1 - w.criteria.alike) * v.percent:
+    left, curve = f" What is left is {verdict.percent:.3g} % {evidence.of_effort}", verdict.flexible
+    if curve.visible and curve.percent < (1 - evidence.criteria.alike) * verdict.percent:
         if curve.along:
             waves = f"forces that repeat along the way, first of all {curve.along}"
             return f"{left}; with {waves}, {curve.percent:.3g} % would be left."
         return f"{left}; a flexible curve would leave {curve.percent:.3g} %: {LEARN_HINT}."
-    if v.changing:
-        return f"{left}; most of it goes with a {v.changing} that changes slowly along the record."
+    if verdict.changing:
+        return f"{left}; most of it goes with a {verdict.changing} that changes slowly along the record."
     if noise == 0.0:
         return f"{left}."
-    times = f"over {MAX_TIMES_NOISE}" if v.percent > MAX_TIMES_NOISE * noise else f"{v.percent / noise:.3g}"
+    times = f"over {MAX_TIMES_NOISE}" if verdict.percent > MAX_TIMES_NOISE * noise else f"{verdict.percent / noise:.3g}"
     return f"{left}, {times} times what the sensors' noise makes of it."
 
 
-def _motion_left(w: Evidence, v: Verdict) -> str:
+def _motion_left(evidence: Evidence, verdict: Verdict) -> str:
     """Return by how many times its sensor's noise the worst channel errs, where one is not near that noise."""
-    if w.near_noise(v.final):
+    if evidence.near_noise(verdict.final):
         return ""
-    times = (v.final.errors / np.maximum(list(w.case.noise.values()), 1e-300)).tolist()  # as the rows have it
-    most, name = max(zip(times, w.case.problem.channels, strict=True))
-    alone = ": no other listed effect takes that away" if v.alone else ""
-    return f" Over {w.case.horizon:.3g} s, {name} errs by {most:.3g} times its sensor's noise{alone}."
+    times = (
+        verdict.final.errors / np.maximum(list(evidence.dataset.noise.values()), 1e-300)
+    ).tolist()  # as the rows have it
+    most, name = max(zip(times, evidence.dataset.problem.channels, strict=True))
+    alone = ": no other listed effect takes that away" if verdict.alone else ""
+    return f" Over {evidence.dataset.horizon:.3g} s, {name} errs by {most:.3g} times its sensor's noise{alone}."
 
 
-def _left_over(w: Evidence, v: Verdict) -> str:
-    if v.percent is None:
-        return ": the residual is noise" if v.final.white else ""
-    left = f"the force that is left is {v.percent:.3g} % {w.of_effort}, the sensors' noise {w.noise_percent:.3g} %"
-    if v.label != "adequate" or v.percent <= w.noise_percent:
+def _left_over(evidence: Evidence, verdict: Verdict) -> str:
+    if verdict.percent is None:
+        return ": the residual is noise" if verdict.final.white else ""
+    noise = evidence.noise_percent
+    left = f"the force that is left is {verdict.percent:.3g} % {evidence.of_effort}, the sensors' noise {noise:.3g} %"
+    if verdict.label != "adequate" or verdict.percent <= evidence.noise_percent:
         return f": {left}"
-    if w.near_noise(v.final):
+    if evidence.near_noise(verdict.final):
         return f": the motion is followed to about its sensors' noise; {left}"
-    return f": {left}{_unpredictable(v, v.percent)}"
+    return f": {left}{_unpredictable(verdict, verdict.percent)}"
 
 
-def _unpredictable(v: Verdict, percent: float) -> str:
+def _unpredictable(verdict: Verdict, percent: float) -> str:
     """Return why more than the sensors' noise counts as noise: nothing that is known predicts it."""
-    if v.final.clean:
-        share = max(0.0, *(one.dependent for one in v.final.left))
+    if verdict.final.clean:
+        share = max(0.0, *(one.dependent for one in verdict.final.left))
         return f"; {100 * share:.1g} % of what the motion lacks goes with position, velocity, input or time"
-    curve = v.flexible.percent
+    curve = verdict.flexible.percent
     return f"; a flexible curve would leave {curve:.3g} %" if curve < percent else "; no flexible curve takes it away"
 
 
 # -------------------------------------------------------------------- of one effect
 
 
-def remarks(w: Evidence, v: Verdict) -> list[str]:
+def remarks(evidence: Evidence, verdict: Verdict) -> list[str]:
     """Return what the records cannot tell of the effects that are named."""
-    found = [ONE_CYCLE] if v.names and w.case.one_cycle else []
-    if w.contradicted:
-        own = ", ".join(f"{n} {p.value:.3g} {p.unit}" for n, p in w.contradicted.parameters.items() if p.note != "held")
-        left = w.percent(w.as_written(w.contradicted)) or 0.0
+    found = [ONE_CYCLE] if verdict.names and evidence.dataset.one_cycle else []
+    if evidence.contradicted:
+        own = ", ".join(
+            f"{n} {p.value:.3g} {p.unit}" for n, p in evidence.contradicted.parameters.items() if p.note != "held"
+        )
+        left = evidence.percent(evidence.as_written(evidence.contradicted)) or 0.0
         found.append(
             f"the motion alone would have base parameters that the forces contradict ({own}: {left:.3g} % of the "
             "effort is left); they are held at what the force tells of them"
         )
-    if v.sampled:
-        found.append(f"{HELD_INPUTS} {joined(_errors_fall(w, v.final, v.sampled, []))} on validation data")
-    for key, waves in w.motion.few_waves(v.final).items():
+    if verdict.sampled:
+        found.append(
+            f"{HELD_INPUTS} {joined(_errors_fall(evidence, verdict.final, verdict.sampled, []))} on validation data"
+        )
+    for key, waves in evidence.motion.few_waves(verdict.final).items():
         found.append(
             f"the records hold {waves:.1f} periods of {key}: that it goes on to repeat beyond where they have been is "
             "assumed; a record over a longer way would show it"
@@ -228,7 +249,7 @@ def remarks(w: Evidence, v: Verdict) -> list[str]:
     return found
 
 
-def shown(w: Evidence, f: FittedModel, effect: str) -> str:
+def shown(evidence: Evidence, f: FittedModel, effect: str) -> str:
     """Return what a record shows of an effect, as a sentence with the values of its fit."""
     cls, plant = find_effect(effect, "effects"), f.model.plant
     if issubclass(cls, SensorEffect):
@@ -239,7 +260,7 @@ def shown(w: Evidence, f: FittedModel, effect: str) -> str:
     for n, value in f.model.effects[key].parameters.items():
         known = f.parameters.get(f"{key}.{n}") or ParameterEstimate(value, None, units.get(f"{key}.{n}", ""))
         values[n] = Shown(value, known.unit, known.std)
-    force = "force" if plant.force_unit == "N" and not w.case.problem.turns else "torque"
+    force = "force" if plant.force_unit == "N" and not evidence.dataset.problem.turns else "torque"
     return cls.shown(gathered(values), force, plant.position, plant.velocity)
 
 
@@ -249,22 +270,22 @@ def own_parameters(f: FittedModel, effect: str) -> dict[str, ParameterEstimate]:
     return {n.partition(".")[2]: p for n, p in f.parameters.items() if n.partition(".")[0] in keys}
 
 
-def why_named(w: Evidence, v: Verdict, effect: str) -> str:
+def why_named(evidence: Evidence, verdict: Verdict, effect: str) -> str:
     """Return why an effect of the proposal is named: what it does, and what is lost without it."""
-    hurt = falls(w, v, v.without[effect], v.final)
-    return f"{shown(w, v.final, effect)}; {hurt}{', with it' if len(v.names) > 1 else ''}"
+    hurt = falls(evidence, verdict, verdict.without[effect], verdict.final)
+    return f"{shown(evidence, verdict.final, effect)}; {hurt}{', with it' if len(verdict.names) > 1 else ''}"
 
 
-def why_not(w: Evidence, v: Verdict, f: FittedModel) -> str:
+def why_not(evidence: Evidence, verdict: Verdict, f: FittedModel) -> str:
     """Return why an effect that was tried alone is not named."""
-    if why := w.motion.refused(v.base, f):
+    if why := evidence.motion.refused(verdict.base, f):
         return f"on validation data {why}" if why.startswith("the error of") else why
-    a, b = force_percent(w, v.base, v.final), force_percent(w, f, v.final)
+    a, b = force_percent(evidence, verdict.base, verdict.final), force_percent(evidence, f, verdict.final)
     if a is not None and b is not None and b > a:
-        return f"it leaves {b:.3g} % {w.of_effort}, the model as it is {a:.3g} %"
-    if v.names:
-        return f"{listed(v.names)} {'leaves' if len(v.names) == 1 else 'leave'} less"
-    return REASONS[v.selection.untold].untold if v.selection.untold else "the estimates differ on it"
+        return f"it leaves {b:.3g} % {evidence.of_effort}, the model as it is {a:.3g} %"
+    if verdict.names:
+        return f"{listed(verdict.names)} {'leaves' if len(verdict.names) == 1 else 'leave'} less"
+    return REASONS[verdict.selection.untold].untold if verdict.selection.untold else "the estimates differ on it"
 
 
 __all__ = ["falls", "own_parameters", "remainder", "remarks", "sentence", "shown", "why_named", "why_not"]

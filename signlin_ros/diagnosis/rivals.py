@@ -40,18 +40,18 @@ class Rival:
         }
 
 
-def rivals(w: Evidence, v: Verdict) -> tuple[Rival, ...]:
+def rivals(evidence: Evidence, verdict: Verdict) -> tuple[Rival, ...]:
     """Return the proposal first, then every model that was fitted and that it does not surely beat on validation data,
     least error first: what ties with it, and what was rejected for want of evidence.
     """
-    least = w.criteria.certainty
+    least = evidence.criteria.certainty
     best: dict[tuple[str, ...], FittedModel] = {}
-    for f in sorted((*w.cache.tried, v.base), key=attrgetter("level"), reverse=True):
+    for f in sorted((*evidence.cache.tried, verdict.base), key=attrgetter("level"), reverse=True):
         best[f.kind] = f
-    best.pop(v.final.kind, None)
-    others = [f for f in best.values() if not f.implausible and w.motion.certainty(f, v.final) < least]
-    others = [f for f in others if len(f.effects) <= max(len(v.final.effects), 1)]
-    chosen = [v.final, *sorted(others, key=attrgetter("level"))[: MAX_RIVALS - 1]]
+    best.pop(verdict.final.kind, None)
+    others = [f for f in best.values() if not f.implausible and evidence.motion.certainty(f, verdict.final) < least]
+    others = [f for f in others if len(f.effects) <= max(len(verdict.final.effects), 1)]
+    chosen = [verdict.final, *sorted(others, key=attrgetter("level"))[: MAX_RIVALS - 1]]
     return tuple(rival(f) for f in chosen)
 
 

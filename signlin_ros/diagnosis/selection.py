@@ -18,7 +18,6 @@ from signlin_ros.diagnosis.equation_error.estimate import EquationErrorResult
 from signlin_ros.diagnosis.evidence import HALF, Evidence
 from signlin_ros.diagnosis.family import FamilyChoice
 from signlin_ros.diagnosis.output_error import FittedModel, OutputErrorEstimator
-from signlin_ros.diagnosis.output_error.forward import forward_selection
 from signlin_ros.diagnosis.output_error.trials import completed, free_key
 from signlin_ros.diagnosis.results import listed
 from signlin_ros.diagnosis.single_laws import complete, fit_every_law, fit_families, settled
@@ -47,111 +46,116 @@ class Selection:
     rivals: tuple[RefittedRival, ...] = ()
 
 
-def select_model(w: Evidence) -> Selection:
+def select_model(evidence: Evidence) -> Selection:
     """Return the model that both estimates support: of what is as good, that with the fewest effects; before more than
     noise is left, what leaves it by itself.
     """
-    if w.force:
-        starts = {n: w.force.values(f, n) for n, f in w.laws.items() if np.any(f.theta[f.spans[n]])}
-        w = replace(w, motion=replace(w.motion, starts=starts))
-    final, conflict = _stood_for(w)
-    final = fewest(w, final)
+    if evidence.force:
+        starts = {n: evidence.force.values(f, n) for n, f in evidence.laws.items() if np.any(f.theta[f.spans[n]])}
+        evidence = replace(evidence, motion=replace(evidence.motion, starts=starts))
+    final, conflict = _stood_for(evidence)
+    final = fewest(evidence, final)
     conflict = conflict.format(listed(final.effects))
-    options = [] if settled(w, final) else fit_every_law(w, final)
-    options += [] if complete(w, final) else fit_families(w, final)
-    final = fewest(w, final) if options else final
-    other = alone(w, final) or better(w, final, options)
-    final = w.valued(fewest(w, other) if other else final)
-    return Selection(w.base if final.implausible else final, "" if other else conflict)
+    options = [] if settled(evidence, final) else fit_every_law(evidence, final)
+    options += [] if complete(evidence, final) else fit_families(evidence, final)
+    final = fewest(evidence, final) if options else final
+    other = alone(evidence, final) or better(evidence, final, options)
+    final = evidence.valued(fewest(evidence, other) if other else final)
+    return Selection(evidence.base if final.implausible else final, "" if other else conflict)
 
 
-def _stood_for(w: Evidence) -> tuple[FittedModel, str]:
+def _stood_for(evidence: Evidence) -> tuple[FittedModel, str]:
     """Return the model to stand for, and why the estimates differ."""
-    base, force = w.base, w.force
-    first = _confirmed(w, force) if force and force.effects else None
+    base, force = evidence.base, evidence.force
+    first = _confirmed(evidence, force) if force and force.effects else None
     if first is not None and first.white:
-        return _unless_turning(w, first), ""
-    if first is not None and (whole := _by_itself(w, first)):
+        return _unless_turning(evidence, first), ""
+    if first is not None and (whole := _by_itself(evidence, first)):
         return whole, ""
-    if first is None and w.cache.tried:
-        together = _together(w, w.cache.tried[0])
+    if first is None and evidence.cache.tried:
+        together = _together(evidence, evidence.cache.tried[0])
         if together is not None:
             return together, ""
-    if first is None or not w.explains(first):
-        path = forward_selection(w.motion, w.criteria.most, _searched(w), partial(_by_itself, w))
-        w.cache.keep(*(f for step in path for f in step))
-        return _chosen(w, [first] if first else [], path[-1][0])
-    found = _best_of(w, base, w.hidden, rival=first) or base
-    beside = _best_of(w, first, w.hidden)
-    return _chosen(w, [f for f in (first, beside) if f], found)
+    if first is None or not evidence.explains(first):
+        path = evidence.motion.search(evidence.criteria.most, _searched(evidence), partial(_by_itself, evidence))
+        evidence.cache.keep(*(f for step in path for f in step))
+        return _chosen(evidence, [first] if first else [], path[-1][0])
+    found = _best_of(evidence, base, evidence.hidden, rival=first) or base
+    beside = _best_of(evidence, first, evidence.hidden)
+    return _chosen(evidence, [f for f in (first, beside) if f], found)
 
 
-def _by_itself(w: Evidence, now: FittedModel) -> FittedModel | None:
+def _by_itself(evidence: Evidence, now: FittedModel) -> FittedModel | None:
     """Return the law that leaves noise by itself, of all that there are, before another one is sought beside one."""
-    fit_every_law(w, now)
-    return alone(w, now)
+    fit_every_law(evidence, now)
+    return alone(evidence, now)
 
 
-def _unless_turning(w: Evidence, first: FittedModel) -> FittedModel:
+def _unless_turning(evidence: Evidence, first: FittedModel) -> FittedModel:
     """Return what explains force and motion, or what goes with an angle that nobody said is one, where that leaves
     noise, and surely less: for what the band leaves of it, a weight is a cubic spring.
     """
-    turning = {n for n in w.hidden if EFFECTS[n].angular}
-    other = _best_of(w, w.base, turning, rival=first) if turning else None
-    better = other and complete(w, other) and not w.raises(first, other) and not w.motion.refused(first, other)
+    turning = {n for n in evidence.hidden if EFFECTS[n].angular}
+    other = _best_of(evidence, evidence.base, turning, rival=first) if turning else None
+    better = (
+        other
+        and complete(evidence, other)
+        and not evidence.raises(first, other)
+        and not evidence.motion.refused(first, other)
+    )
     return other if other and better else first
 
 
-def _searched(w: Evidence) -> list[str] | None:
+def _searched(evidence: Evidence) -> list[str] | None:
     """Return the effects among which the output-error estimate searches, None for all: what no force shows, waves, and
     laws that take away a visible part of a force that is seen; of a little one without a law, the first two.
     """
-    force, share = w.force, w.percent(w.left(w.base))
-    if force is None or not w.sees(w.base):
+    force, share = evidence.force, evidence.percent(evidence.left(evidence.base))
+    if force is None or not evidence.sees(evidence.base):
         return None
-    small = share is not None and share < 100.0 * w.criteria.large
+    small = share is not None and share < 100.0 * evidence.criteria.large
     waves = {n for n, effect in EFFECTS.items() if effect.periodic}  # what passes its band is not all that there are
-    names = w.hidden | waves | (set() if small and not force.effects else force.helpful)
-    return sorted(names & w.motion.candidates)
+    names = evidence.hidden | waves | (set() if small and not force.effects else force.helpful)
+    return sorted(names & evidence.motion.candidates)
 
 
-def _together(w: Evidence, refused: FittedModel) -> FittedModel | None:
+def _together(evidence: Evidence, refused: FittedModel) -> FittedModel | None:
     """Return what the motion refuses by itself with an effect that no force shows beside it, if both are needed."""
-    motion, both = w.motion, _best_of(w, refused, w.hidden)
-    if both is None or motion.refused(w.base, both):
+    motion, both = evidence.motion, _best_of(evidence, refused, evidence.hidden)
+    if both is None or motion.refused(evidence.base, both):
         return None
     other = motion.fitted([n for n in both.effects if n not in refused.effects], both.model)
-    w.cache.keep(other)
+    evidence.cache.keep(other)
     return None if motion.refused(other, both) else both
 
 
 def _best_of(
-    w: Evidence, of: FittedModel, names: Iterable[str], rival: FittedModel | None = None
+    evidence: Evidence, of: FittedModel, names: Iterable[str], rival: FittedModel | None = None
 ) -> FittedModel | None:
     """Return the simplest of the best steps beyond a model, beside a ``rival`` if there is one; None where none is."""
-    if len(of.effects) >= w.criteria.most:
+    if len(of.effects) >= evidence.criteria.most:
         return None
-    options = w.motion.extensions(of, sorted(w.motion.candidates.intersection(names)), rival)
-    w.cache.keep(*options)
-    return next(iter(w.motion.alike(of, options)), None)
+    options = evidence.motion.extensions(of, sorted(evidence.motion.candidates.intersection(names)), rival)
+    evidence.cache.keep(*options)
+    return next(iter(evidence.motion.alike(of, options)), None)
 
 
-def _chosen(w: Evidence, first: Sequence[FittedModel], second: FittedModel) -> tuple[FittedModel, str]:
+def _chosen(evidence: Evidence, first: Sequence[FittedModel], second: FittedModel) -> tuple[FittedModel, str]:
     """Return the model to stand for, of what force (``first``) and motion (``second``) arrived at, and why not both."""
-    base, force = w.base, w.force
+    base, force = evidence.base, evidence.force
     if not first:
-        if force is not None and force.effects and _overruled(w, force, second):
-            return base, _both(w, force, second)
-        if second.effects and w.raises(base, second):
+        if force is not None and force.effects and _overruled(evidence, force, second):
+            return base, _both(evidence, force, second)
+        if second.effects and evidence.raises(base, second):
             told = f"would follow the motion, but {_leaves(second)} more force than the model as it is"
             return base, f"{listed(second.effects)} {told}"
         return second, ""
     now = first[0]
     for other in (*first[1:], second):
-        if set(other.effects) != set(now.effects) and _beyond(w, now, other):
+        if set(other.effects) != set(now.effects) and _beyond(evidence, now, other):
             now = other
-    g = w.motion.gain(now, second)
-    if now is not second and g.certainty >= w.criteria.certainty and g.share >= HALF and second.effects:
+    g = evidence.motion.gain(now, second)
+    if now is not second and g.certainty >= evidence.criteria.certainty and g.share >= HALF and second.effects:
         told = f"would follow the motion better than {{}}, but {_leaves(second)} more force"
         return now, f"{listed(second.effects)} {told}"
     return now, ""
@@ -161,52 +165,59 @@ def _leaves(f: FittedModel) -> str:
     return "leaves" if len(f.effects) == 1 else "leave"
 
 
-def _overruled(w: Evidence, force: EquationErrorResult, second: FittedModel) -> bool:
+def _overruled(evidence: Evidence, force: EquationErrorResult, second: FittedModel) -> bool:
     """Tell whether laws that explain most of the force would give way to what explains neither it nor the motion."""
-    before, own = force.base.error, w.left(second)
+    before, own = force.base.error, evidence.left(second)
     explains = own is not None and float(np.mean(own)) < HALF * before
-    return w.sees(w.base) and not second.white and force.fit.error < HALF * before and not explains
+    return evidence.sees(evidence.base) and not second.white and force.fit.error < HALF * before and not explains
 
 
-def _both(w: Evidence, force: EquationErrorResult, second: FittedModel) -> str:
+def _both(evidence: Evidence, force: EquationErrorResult, second: FittedModel) -> str:
     """Return what both estimates say where the motion refuses what the force shows, beside the row of the base."""
-    after, shown = w.percent(force.fit.error), w.percent(w.left(w.base))
+    after, shown = evidence.percent(force.fit.error), evidence.percent(evidence.left(evidence.base))
     before = "" if shown is None else f" in place of {shown:.3g} %"
-    told = f"by the force {listed(force.effects)} would leave {after:.3g} % {w.of_effort}{before}, but the motion"
+    told = (
+        f"by the force {listed(force.effects)} would leave {after:.3g} % {evidence.of_effort}{before}, but the motion"
+    )
     other = f"; {listed(second.effects)} would follow it better" if second.effects else ""
     return f"{told} that they make is not the one that was measured{other}"
 
 
-def _beyond(w: Evidence, now: FittedModel, other: FittedModel) -> bool:
+def _beyond(evidence: Evidence, now: FittedModel, other: FittedModel) -> bool:
     """Tell whether another model is to be stood for: nothing is worse for it, and it leaves noise, or surely less."""
-    c, g = w.criteria, w.motion.gain(now, other)
-    if other.level > now.level or g.worsens(c.worse, c.alike) or w.rising(now, other, c.tie) or w.raises(now, other):
+    c, g = evidence.criteria, evidence.motion.gain(now, other)
+    if (
+        other.level > now.level
+        or g.worsens(c.worse, c.alike)
+        or evidence.rising(now, other, c.tie)
+        or evidence.raises(now, other)
+    ):
         return False
-    if other.clean and w.leaves_noise(other) and not now.white:
+    if other.clean and evidence.leaves_noise(other) and not now.white:
         return True
-    if g.certainty < c.certainty or not w.sees(now):
+    if g.certainty < c.certainty or not evidence.sees(now):
         return g.certainty >= c.certainty
-    return set(other.effects) - set(now.effects) <= w.hidden or w.falls(now, other)
+    return set(other.effects) - set(now.effects) <= evidence.hidden or evidence.falls(now, other)
 
 
-def _confirmed(w: Evidence, force: EquationErrorResult) -> FittedModel | None:
+def _confirmed(evidence: Evidence, force: EquationErrorResult) -> FittedModel | None:
     """Return what the equation-error estimate proposes, with the values of the motion or the force; None where it is
     refused.
     """
-    c, motion, choice = w.criteria, w.motion, FamilyChoice(w, force)
+    c, motion, choice = evidence.criteria, evidence.motion, FamilyChoice(evidence, force)
     found = choice.simulated(force.fit)
     if found is None:
         return None
-    stated = w.valued(found) if found.insignificant(c) else found
-    known = stated is not found and motion.gain(w.base, stated).certainty >= c.certainty
+    stated = evidence.valued(found) if found.insignificant(c) else found
+    known = stated is not found and motion.gain(evidence.base, stated).certainty >= c.certainty
     found = stated if known else found
-    g = motion.gain(w.base, found)
-    if g.certainty < (0.0 if w.explains(found) else c.least) or g.worsens(c.worse, c.alike):
+    g = motion.gain(evidence.base, found)
+    if g.certainty < (0.0 if evidence.explains(found) else c.least) or g.worsens(c.worse, c.alike):
         return None
     if not known and found.insignificant(c):
         plain = motion.plainer(found)
-        w.cache.keep(*plain)
-        sound = motion.alike(w.base, plain)
+        evidence.cache.keep(*plain)
+        sound = motion.alike(evidence.base, plain)
         if not sound:
             return None
         found = sound[0]
@@ -216,48 +227,54 @@ def _confirmed(w: Evidence, force: EquationErrorResult) -> FittedModel | None:
 # -------------------------------------------------------------------- how many effects
 
 
-def fewest(w: Evidence, final: FittedModel) -> FittedModel:
+def fewest(evidence: Evidence, final: FittedModel) -> FittedModel:
     """Return the model with the fewest effects, and of these the fewest parameters, that is as good; what no force
     shows displaces nothing that one does, unless it leaves nothing but tested noise.
     """
-    motion, several = w.motion, len(final.effects) > 1
-    options = [f for f in w.cache.tried if (len(f.effects), f.size) < (len(final.effects), final.size) and f.effects]
+    motion, several = evidence.motion, len(final.effects) > 1
+    options = [
+        f for f in evidence.cache.tried if (len(f.effects), f.size) < (len(final.effects), final.size) and f.effects
+    ]
     options += _as_one(motion, final) if several else []
     for name in final.effects if several else ():
         with contextlib.suppress(SignlinError):
             options.append(motion.fitted([n for n in final.effects if n != name], final.model))
         motion.progress.check()
-    w.cache.keep(*options)
-    shown = w.left(final) is not None
-    good = [f for f in options if not motion.refused(w.base, f) and motion.as_good(final, f)]
-    good = [f for f in good if motion.refused(f, final) and not w.raises(final, f)]
-    good = [f for f in good if not shown or w.left(f) is not None or (f.clean and w.leaves_noise(f))]
+    evidence.cache.keep(*options)
+    shown = evidence.left(final) is not None
+    good = [f for f in options if not motion.refused(evidence.base, f) and motion.as_good(final, f)]
+    good = [f for f in good if motion.refused(f, final) and not evidence.raises(final, f)]
+    good = [f for f in good if not shown or evidence.left(f) is not None or (f.clean and evidence.leaves_noise(f))]
     return min(good, key=lambda f: (len(f.effects), f.size, f.level), default=final)
 
 
-def alone(w: Evidence, final: FittedModel) -> FittedModel | None:
+def alone(evidence: Evidence, final: FittedModel) -> FittedModel | None:
     """Return the effect that by itself leaves nothing but noise, where what both estimates arrived at leaves more."""
-    if complete(w, final):
+    if complete(evidence, final):
         return None
-    motion, base = w.motion, w.base
-    whole = [f for f in map(motion.best, w.single) if complete(w, f)]
-    whole = [f for f in whole if not motion.refused(base, f) and not w.raises(base, f)]
-    return _simplest(w, whole)
+    motion, base = evidence.motion, evidence.base
+    whole = [f for f in map(motion.best, evidence.single) if complete(evidence, f)]
+    whole = [f for f in whole if not motion.refused(base, f) and not evidence.raises(base, f)]
+    return _simplest(evidence, whole)
 
 
-def better(w: Evidence, final: FittedModel, options: Sequence[FittedModel]) -> FittedModel | None:
+def better(evidence: Evidence, final: FittedModel, options: Sequence[FittedModel]) -> FittedModel | None:
     """Return the simplest of the best options of no more effects that leave surely less than a model."""
-    motion, base, force = w.motion, w.base, w.force
+    motion, base, force = evidence.motion, evidence.base, evidence.force
     good = [f for f in map(motion.best, options) if len(f.effects) <= max(len(final.effects), 1)]
     good = [f for f in good if set(f.effects) != set(final.effects) and not motion.refused(base, f)]
-    good = [f for f in good if not w.raises(base, f) and not motion.refused(final, f) and _beyond(w, final, f)]
-    return _simplest(w, [f for f in good if force is None or final.effects or not _overruled(w, force, f)])
+    good = [
+        f for f in good if not evidence.raises(base, f) and not motion.refused(final, f) and _beyond(evidence, final, f)
+    ]
+    return _simplest(
+        evidence, [f for f in good if force is None or final.effects or not _overruled(evidence, force, f)]
+    )
 
 
-def _simplest(w: Evidence, options: Sequence[FittedModel]) -> FittedModel | None:
+def _simplest(evidence: Evidence, options: Sequence[FittedModel]) -> FittedModel | None:
     """Return the simplest of the options that are as good as the best of them; None of none."""
     best = min(options, key=lambda f: f.level, default=None)
-    as_good = [f for f in options if best and w.motion.as_good(best, f)]
+    as_good = [f for f in options if best and evidence.motion.as_good(best, f)]
     return min(as_good, key=lambda f: (len(f.effects), f.size, f.level), default=None)
 
 

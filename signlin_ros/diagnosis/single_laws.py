@@ -19,40 +19,42 @@ fitted to the end.
 """
 
 
-def complete(w: Evidence, f: FittedModel) -> bool:
+def complete(evidence: Evidence, f: FittedModel) -> bool:
     """Tell whether a model leaves but noise, near the sensors' or at its own, with no base parameter far off."""
-    return w.near_any_noise(f) and f.clean and not f.far(w.criteria)
+    return evidence.near_any_noise(f) and f.clean and not f.far(evidence.criteria)
 
 
-def settled(w: Evidence, f: FittedModel) -> bool:
+def settled(evidence: Evidence, f: FittedModel) -> bool:
     """Tell whether a model needs no comparison with all single laws: one law at most, that leaves but noise."""
-    return len(f.effects) < 2 and complete(w, f)
+    return len(f.effects) < 2 and complete(evidence, f)
 
 
-def fit_every_law(w: Evidence, now: FittedModel) -> list[FittedModel]:
+def fit_every_law(evidence: Evidence, now: FittedModel) -> list[FittedModel]:
     """Return every law fitted by itself that comes near a proposal, or is among the best where there is none."""
-    known = {n for f in w.single for n in f.effects}
-    names = [n for n in EFFECTS if n in w.motion.candidates - known]
-    w.cache.keep(*_extended(w, w.base, names, now, MIN_GAIN_SHARE))
-    return w.single
+    known = {n for f in evidence.single for n in f.effects}
+    names = [n for n in EFFECTS if n in evidence.motion.candidates - known]
+    evidence.cache.keep(*_extended(evidence, evidence.base, names, now, MIN_GAIN_SHARE))
+    return evidence.single
 
 
-def fit_families(w: Evidence, final: FittedModel) -> list[FittedModel]:
+def fit_families(evidence: Evidence, final: FittedModel) -> list[FittedModel]:
     """Return what is as good as a proposal with another law of the family in the place of one."""
     found = list[FittedModel]()
     for name in final.effects if len(final.effects) > 1 else ():
         family = EFFECTS[name].family
         kin = [n for n, effect in EFFECTS.items() if family and effect.family == family and n not in final.effects]
-        kin = [n for n in kin if n in w.motion.candidates]
+        kin = [n for n in kin if n in evidence.motion.candidates]
         with contextlib.suppress(InputError):  # without it the motion diverges
-            rest = w.motion.fitted([n for n in final.effects if n != name], final.model)
-            found += _extended(w, rest, kin, final, MIN_FAMILY_SHARE)
-    w.cache.keep(*found)
+            rest = evidence.motion.fitted([n for n in final.effects if n != name], final.model)
+            found += _extended(evidence, rest, kin, final, MIN_FAMILY_SHARE)
+    evidence.cache.keep(*found)
     return found
 
 
-def _extended(w: Evidence, of: FittedModel, names: list[str], rival: FittedModel, share: float) -> list[FittedModel]:
-    return w.motion.extensions(of, names, rival if rival.effects else None, share) if names else []
+def _extended(
+    evidence: Evidence, of: FittedModel, names: list[str], rival: FittedModel, share: float
+) -> list[FittedModel]:
+    return evidence.motion.extensions(of, names, rival if rival.effects else None, share) if names else []
 
 
 __all__ = ["complete", "fit_every_law", "fit_families", "settled"]

@@ -23,119 +23,131 @@ from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.errors import InputError
 
 
-def summary_of(w: Evidence, v: Verdict) -> Diagnosis:
+def summary_of(evidence: Evidence, verdict: Verdict) -> Diagnosis:
     """Return the diagnosis that reports a verdict."""
-    case = w.case
-    ladder, ranking = tuple(w.row(f, force_left(w, f, v.final)) for f in v.steps), _ranking(w, v)
-    model = rounded(v.final.model, v.final.parameters)
-    base, parameters = (_parameters(w, f) for f in (v.base, v.final))
-    findings = findings_of(w, v, model, {*base, *parameters})
+    dataset = evidence.dataset
+    ladder, ranking = (
+        tuple(evidence.row(f, force_left(evidence, f, verdict.final)) for f in verdict.steps),
+        _ranking(evidence, verdict),
+    )
+    model = rounded(verdict.final.model, verdict.final.parameters)
+    base, parameters = (_parameters(evidence, f) for f in (verdict.base, verdict.final))
+    findings = findings_of(evidence, verdict, model, {*base, *parameters})
     return Diagnosis(
-        verdict=v.label,
-        sentence=" ".join(filter(None, (messages.sentence(w, v), told(w, v.selection.rivals, v.final)))),
+        verdict=verdict.label,
+        sentence=" ".join(
+            filter(
+                None, (messages.sentence(evidence, verdict), told(evidence, verdict.selection.rivals, verdict.final))
+            )
+        ),
         base=base,
         parameters=parameters,
         ranking=ranking,
         ladder=ladder,
         model=model,
-        range=dict(case.problem.ranges),
-        noise=case.noise,
-        experiments=_experiments(w, v, ranking),
-        notes=(*case.problem.notes, *case.unseen.notes, *messages.remarks(w, v), *closed_loop.remarks(w, v)),
+        range=dict(dataset.problem.ranges),
+        noise=dataset.noise,
+        experiments=_experiments(evidence, verdict, ranking),
+        notes=(
+            *dataset.problem.notes,
+            *dataset.unseen.notes,
+            *messages.remarks(evidence, verdict),
+            *closed_loop.remarks(evidence, verdict),
+        ),
         yaml=yaml_of(model, parameters, findings),
-        given=w.first_rows().given,
-        horizon=case.horizon,
+        given=evidence.first_rows().given,
+        horizon=dataset.horizon,
         findings=findings,
-        rivals=rivals(w, v),
-        given_model=case.model.to_yaml(),
+        rivals=rivals(evidence, verdict),
+        given_model=dataset.model.to_yaml(),
     )
 
 
-def _parameters(w: Evidence, f: FittedModel) -> dict[str, ParameterEstimate]:
+def _parameters(evidence: Evidence, f: FittedModel) -> dict[str, ParameterEstimate]:
     """Return the parameters of a fit; with those that are held at what the force tells."""
-    return (held(w.motion.problem, f.model, f.parameters) if w.contradicted else {}) | f.parameters
+    return (held(evidence.motion.problem, f.model, f.parameters) if evidence.contradicted else {}) | f.parameters
 
 
 # -------------------------------------------------------------------- ranking
 
 
-def _ranking(w: Evidence, v: Verdict) -> tuple[RankingEntry, ...]:
+def _ranking(evidence: Evidence, verdict: Verdict) -> tuple[RankingEntry, ...]:
     """Return every effect that may be missing, what is proposed first, with its status and why; then what does not
     apply. Which of them have a row does not depend on the way of the search; numbers are those of the best fit of each.
     """
-    single, laws = _fitted_alone(w), w.laws
-    ties = {e: _ties(w, v, e) for e in v.names}
+    single, laws = _fitted_alone(evidence), evidence.laws
+    ties = {e: _ties(evidence, verdict, e) for e in verdict.names}
     tied = {t: e for e, names in ties.items() for t in names}
     others, untried, absent = list[RankingEntry](), list[RankingEntry](), list[RankingEntry]()
-    for name in (n for n in EFFECTS if n not in v.names):
-        if name in v.selection.dropped:
-            others.append(RankingEntry(name, "rejected", why=v.selection.dropped[name]))
+    for name in (n for n in EFFECTS if n not in verdict.names):
+        if name in verdict.selection.dropped:
+            others.append(RankingEntry(name, "rejected", why=verdict.selection.dropped[name]))
         elif name in single:
-            others.append(_other(w, v, name, single[name]))
+            others.append(_other(evidence, verdict, name, single[name]))
         elif name in laws:
-            others.append(_by_force(w, v, name))
-        elif name in w.motion.candidates and not v.selection.asked:
-            untried.append(RankingEntry(name, "rejected", why=_not_fitted(w, v, name)))
-        elif not _applies(w, name):
-            absent.append(RankingEntry(name, "not_applicable", why=f"does not apply to {w.case.plant.name}"))
+            others.append(_by_force(evidence, verdict, name))
+        elif name in evidence.motion.candidates and not verdict.selection.asked:
+            untried.append(RankingEntry(name, "rejected", why=_not_fitted(evidence, verdict, name)))
+        elif not _applies(evidence, name):
+            absent.append(RankingEntry(name, "not_applicable", why=f"does not apply to {evidence.dataset.plant.name}"))
     others = [_beside(e, tied[e.effect]) if e.effect in tied else e for e in others]
     levels = dict.fromkeys(tied, 0.0) | {name: f.level for name, f in single.items()}
     others.sort(key=lambda e: (e.status != "ambiguous", levels.get(e.effect, math.inf)))
-    return (*(_named(w, v, e, ties[e]) for e in v.names), *others, *untried, *absent)
+    return (*(_named(evidence, verdict, e, ties[e]) for e in verdict.names), *others, *untried, *absent)
 
 
-def _fitted_alone(w: Evidence) -> dict[str, FittedModel]:
+def _fitted_alone(evidence: Evidence) -> dict[str, FittedModel]:
     """Return the best fit of every effect that was fitted by itself; a sensor's on the channel where it is best."""
-    fits = [f for f in w.cache.best.values() if len(f.effects) == 1]
+    fits = [f for f in evidence.cache.best.values() if len(f.effects) == 1]
     return {f.effects[0]: f for f in sorted(fits, key=attrgetter("level"), reverse=True)}
 
 
-def _not_fitted(w: Evidence, v: Verdict, name: str) -> str:
+def _not_fitted(evidence: Evidence, verdict: Verdict, name: str) -> str:
     """Return why an effect that no force shows was not fitted to the end."""
-    if name in w.cache.searched.get((), ()):
+    if name in evidence.cache.searched.get((), ()):
         return "after the first steps of a fit it takes away too little of the error to go on with"
-    if complete(w, v.final):
-        what, verb = listed(v.names) or "the model as it is", "leave" if len(v.names) > 1 else "leaves"
+    if complete(evidence, verdict.final):
+        what, verb = listed(verdict.names) or "the model as it is", "leave" if len(verdict.names) > 1 else "leaves"
         return f"not fitted: {what} {verb} nothing but noise"
     return "not fitted: no step of the search led to it"
 
 
-def _applies(w: Evidence, name: str) -> bool:
+def _applies(evidence: Evidence, name: str) -> bool:
     try:
-        return w.case.model.with_effect(name, "tried").states is not None  # tracing tells
+        return evidence.dataset.model.with_effect(name, "tried").states is not None  # tracing tells
     except InputError:
         return False
 
 
-def _ties(w: Evidence, v: Verdict, effect: str) -> tuple[str, ...]:
+def _ties(evidence: Evidence, verdict: Verdict, effect: str) -> tuple[str, ...]:
     """Return what is as good in the place of an effect, by force or motion, refused by neither, and leaves no more."""
-    force, rest, found = w.force, set(v.names) - {effect}, set[str]()
-    if force and set(force.effects) == set(v.names):
+    force, rest, found = evidence.force, set(verdict.names) - {effect}, set[str]()
+    if force and set(force.effects) == set(verdict.names):
         found |= set(force.ties[effect])
-    for f in w.cache.tried:
-        if not (rest < set(f.effects) and len(f.effects) == len(v.names) and effect not in f.effects):
+    for f in evidence.cache.tried:
+        if not (rest < set(f.effects) and len(f.effects) == len(verdict.names) and effect not in f.effects):
             continue
-        if w.motion.refused(v.base, f):
+        if evidence.motion.refused(verdict.base, f):
             found -= set(f.effects)
-        elif w.raises(v.final, f) or (w.left(f) is None and w.explains(v.final)):
+        elif evidence.raises(verdict.final, f) or (evidence.left(f) is None and evidence.explains(verdict.final)):
             continue
-        elif w.motion.as_good(v.final, f) and w.motion.refused(f, v.final):
+        elif evidence.motion.as_good(verdict.final, f) and evidence.motion.refused(f, verdict.final):
             found |= set(f.effects) - rest
-    return tuple(sorted(found - set(v.names)))
+    return tuple(sorted(found - set(verdict.names)))
 
 
-def _named(w: Evidence, v: Verdict, effect: str, ties: tuple[str, ...]) -> RankingEntry:
+def _named(evidence: Evidence, verdict: Verdict, effect: str, ties: tuple[str, ...]) -> RankingEntry:
     """Return the entry of an effect that is proposed."""
-    once = v.reason == "once" and effect in v.remembers
-    once |= v.reason == "loop" and effect == v.loop
-    open_ones = [r.effects for r in undecided(w, v.selection.rivals, v.final)]
+    once = verdict.reason == "once" and effect in verdict.remembers
+    once |= verdict.reason == "loop" and effect == verdict.loop
+    open_ones = [r.effects for r in undecided(evidence, verdict.selection.rivals, verdict.final)]
     once |= any(effect not in effects for effects in open_ones)
-    ties = tuple(sorted({*ties, *(n for effects in open_ones for n in effects if n not in v.names)}))
+    ties = tuple(sorted({*ties, *(n for effects in open_ones for n in effects if n not in verdict.names)}))
     status = "ambiguous" if once or any(not _richer(t, effect) for t in ties) else "confirmed"
-    if v.refused or (v.reason and REASONS[v.reason].rejects):
+    if verdict.refused or (verdict.reason and REASONS[verdict.reason].rejects):
         status = "rejected"
-    own, why = messages.own_parameters(v.final, effect), messages.why_named(w, v, effect)
-    return RankingEntry(effect, status, own, w.row(v.final, None).validation, ties, why)
+    own, why = messages.own_parameters(verdict.final, effect), messages.why_named(evidence, verdict, effect)
+    return RankingEntry(effect, status, own, evidence.row(verdict.final, None).validation, ties, why)
 
 
 def _richer(a: str, b: str) -> bool:
@@ -144,23 +156,27 @@ def _richer(a: str, b: str) -> bool:
     return bool(first.family) and first.family == second.family
 
 
-def _other(w: Evidence, v: Verdict, name: str, f: FittedModel) -> RankingEntry:
+def _other(evidence: Evidence, verdict: Verdict, name: str, f: FittedModel) -> RankingEntry:
     """Return the entry of an effect that was fitted out by itself."""
-    beyond = find_effect(name, "effects").only_beyond and w.motion.refused(v.base, f)
+    beyond = find_effect(name, "effects").only_beyond and evidence.motion.refused(verdict.base, f)
     status, own = "not_excited" if beyond else "rejected", messages.own_parameters(f, name)
-    return RankingEntry(name, status, own, w.row(f, None).validation, why=messages.why_not(w, v, f))
+    return RankingEntry(name, status, own, evidence.row(f, None).validation, why=messages.why_not(evidence, verdict, f))
 
 
-def _by_force(w: Evidence, v: Verdict, name: str) -> RankingEntry:
+def _by_force(evidence: Evidence, verdict: Verdict, name: str) -> RankingEntry:
     """Return the entry of an effect that only the equation-error estimate tried."""
-    force = w.force
+    force = evidence.force
     assert force is not None  # noqa: S101  it tried the effect
-    a, b = force_percent(w, v.base, v.final) or force.percent(force.base), force.percent(w.laws[name])
-    summary_of = f"{b:.3g} %" if b <= WHOLE_EFFORT else "more than all"
-    why = f"by the force it would leave {summary_of} {w.of_effort} on validation data, the model without it {a:.3g} %"
-    unseen = find_effect(name, "effects").only_beyond and b > (1.0 - w.criteria.alike) * a
+    a, b = (
+        force_percent(evidence, verdict.base, verdict.final) or force.percent(force.base),
+        force.percent(evidence.laws[name]),
+    )
+    left = f"{b:.3g} %" if b <= WHOLE_EFFORT else "more than all"
+    rest = f"{evidence.of_effort} on validation data, the model without it {a:.3g} %"
+    why = f"by the force it would leave {left} {rest}"
+    unseen = find_effect(name, "effects").only_beyond and b > (1.0 - evidence.criteria.alike) * a
     return (
-        RankingEntry(name, "not_excited", why=f"{why}{_beyond(w)}")
+        RankingEntry(name, "not_excited", why=f"{why}{_beyond(evidence)}")
         if unseen
         else RankingEntry(name, "rejected", why=why, force=b if b <= WHOLE_EFFORT else None)
     )
@@ -173,9 +189,9 @@ def _beside(e: RankingEntry, tied: str) -> RankingEntry:
     return replace(e, status=status, indistinguishable_from=(tied,), why=why)
 
 
-def _beyond(w: Evidence) -> str:
+def _beyond(evidence: Evidence) -> str:
     """Return between which positions the records tell of what shows only beyond them."""
-    problem, plant = w.case.problem, w.case.plant
+    problem, plant = evidence.dataset.problem, evidence.dataset.plant
     if plant.position not in problem.ranges:
         return ""
     unit = problem.shown(problem.units.get(plant.position, plant.position_unit))
@@ -183,13 +199,13 @@ def _beyond(w: Evidence) -> str:
     return f"; the records move from {low:.3g} to {high:.3g} {unit}: it may act beyond"
 
 
-def _experiments(w: Evidence, v: Verdict, ranking: Sequence[RankingEntry]) -> tuple[str, ...]:
+def _experiments(evidence: Evidence, verdict: Verdict, ranking: Sequence[RankingEntry]) -> tuple[str, ...]:
     """Return what to record to decide between what ties, and to see what this record cannot show."""
-    asked = {tie: "to decide on" for e in ranking if e.effect in v.names for tie in e.indistinguishable_from}
+    asked = {tie: "to decide on" for e in ranking if e.effect in verdict.names for tie in e.indistinguishable_from}
     asked |= {e.effect: "to see" for e in ranking if e.status == "not_excited" and e.effect not in asked}
     what = {n: find_effect(n, "effects").experiment for n in asked}
     found = tuple(f"{why} {listed([n])}: {what[n]}" for n, why in asked.items() if what[n])
-    return (*found, *closed_loop.experiments(w))
+    return (*found, *closed_loop.experiments(evidence))
 
 
 __all__ = ["summary_of"]

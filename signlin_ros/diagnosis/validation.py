@@ -36,9 +36,9 @@ class ValidationTests:
     final: FittedModel
 
     @property
-    def case(self) -> Dataset:
+    def dataset(self) -> Dataset:
         """The records."""
-        return self.evidence.case
+        return self.evidence.dataset
 
     @property
     def motion(self) -> OutputErrorEstimator:
@@ -118,11 +118,11 @@ class ValidationTests:
         """Return the channel whose printed error rises beyond its standard error beside the base, or the missing force;
         where the proposal's own is not told, that of a step on the way.
         """
-        before, after, w = self.left(self.base), self.left(self.final), self.evidence
+        before, after, evidence = self.left(self.base), self.left(self.final), self.evidence
         steps = self.steps()[1:-1] if after is None else ()
         after = next((left for f in reversed(steps) if (left := self.left(f)) is not None), after)
-        risen = before is not None and after is not None and w.rises(before, after, self.criteria.worse)
-        return w.rising(self.base, self.final, self.criteria.worse) or ("the missing force" if risen else "")
+        risen = before is not None and after is not None and evidence.rises(before, after, self.criteria.worse)
+        return evidence.rising(self.base, self.final, self.criteria.worse) or ("the missing force" if risen else "")
 
     @cached_property
     def beside_given(self) -> float:
@@ -202,10 +202,10 @@ class ValidationTests:
         """Whether no effect is named, and force and motion are within about the noise, or half a sensor's step."""
         if self.names or self.percent is None:
             return False
-        w = self.evidence
-        little = self.percent <= w.noise_percent and w.near_noise(self.final)
-        within = self.final.errors <= np.maximum(self.motion.unseen.noise, self.case.problem.quanta / 2)
-        return bool(little or (not w.sees(self.final) and np.all(within)))
+        evidence = self.evidence
+        little = self.percent <= evidence.noise_percent and evidence.near_noise(self.final)
+        within = self.final.errors <= np.maximum(self.motion.unseen.noise, self.dataset.problem.quanta / 2)
+        return bool(little or (not evidence.sees(self.final) and np.all(within)))
 
     @property
     def little(self) -> bool:
@@ -227,7 +227,7 @@ class ValidationTests:
     def imposed(self) -> float | None:
         """What is left of the force of an imposed motion, where only its row tells, in per cent of its spread."""
         told = self.percent is not None and self.percent > self.evidence.noise_percent
-        if told or not self.case.plant.motion_is_imposed():
+        if told or not self.dataset.plant.motion_is_imposed():
             return None
         return next(iter(self.unpredicted), None)
 
@@ -239,8 +239,8 @@ class ValidationTests:
 
     def idle(self) -> bool:
         """Tell whether one of several laws does not surely take away force, where forces tell of it."""
-        w, several = self.evidence, self.names if len(self.names) > 1 else ()
-        return not all(w.falls(self.without(n), self.final) for n in several if n not in w.hidden)
+        evidence, several = self.evidence, self.names if len(self.names) > 1 else ()
+        return not all(evidence.falls(self.without(n), self.final) for n in several if n not in evidence.hidden)
 
     @property
     def carries_over(self) -> bool:
@@ -249,7 +249,7 @@ class ValidationTests:
         saw.
         """
         w, c, unseen = self.evidence, self.criteria, self.evidence.motion.unseen
-        if not self.case.plant.closed_loop or not w.cache.searched.get(self.names):
+        if not self.dataset.plant.closed_loop or not w.cache.searched.get(self.names):
             return False
         count, channels = len(unseen.segments), self.final.validation_squares.shape[1]
         before, after = (f.validation_squares.reshape(count, -1, channels) for f in (w.base, self.final))
@@ -288,14 +288,14 @@ class ValidationTests:
         return force_left(self.evidence, f, self.final)
 
 
-def force_left(w: Evidence, f: FittedModel, final: FittedModel) -> Array | None:
+def force_left(evidence: Evidence, f: FittedModel, final: FittedModel) -> Array | None:
     """Return the mean squared force (blocks,) left of validation data: by the proposal as written, else at best."""
-    return w.as_written(f) if f is final and f.effects else w.left(f)
+    return evidence.as_written(f) if f is final and f.effects else evidence.left(f)
 
 
-def force_percent(w: Evidence, f: FittedModel, final: FittedModel) -> float | None:
+def force_percent(evidence: Evidence, f: FittedModel, final: FittedModel) -> float | None:
     """Return that force in per cent of the effort (RMS)."""
-    return w.percent(force_left(w, f, final))
+    return evidence.percent(force_left(evidence, f, final))
 
 
 def freed(before: FittedModel, after: FittedModel) -> str:

@@ -44,15 +44,15 @@ def diagnose(
     another law is confirmed. Raises `RecordError` for unusable records, `CancelledError` where it was stopped.
     """
     dataset, cache, watched = dataset_of(model, data, validation), FitCache(), Progress.of(progress)
-    both = evidence_of(dataset, criteria, cache, watched, jobs)
-    watched.say("motion with what the force shows" if both.force and both.force.effects else "motion")
-    both = both.grounded()
-    selection = select_model(both)
+    evidence = evidence_of(dataset, criteria, cache, watched, jobs)
+    watched.say("motion with what the force shows" if evidence.force and evidence.force.effects else "motion")
+    evidence = evidence.grounded()
+    selection = select_model(evidence)
     if rivals:
         watched.say("rivals of the plan")
-        selection = discriminated(both, selection, refitted(both, rivals))
-    verdict = without_untold(both, verdict_of(both, selection))
-    return summary_of(both, without_idle(both, verdict))
+        selection = discriminated(evidence, selection, refitted(evidence, rivals))
+    verdict = without_untold(evidence, verdict_of(evidence, selection))
+    return summary_of(evidence, without_idle(evidence, verdict))
 
 
 def refine(
@@ -87,13 +87,13 @@ def add(
     """Add an effect and fit it, whatever it is worth; as `diagnose`. Raises `InputError` where it cannot be added."""
     dataset, cache, watched = dataset_of(model, data, validation), FitCache(), Progress.of(progress)
     trials(dataset.problem, [effect])  # raises what is told above, before anything is fitted
-    both = evidence_of(dataset, criteria, cache, watched, jobs)
+    evidence = evidence_of(dataset, criteria, cache, watched, jobs)
     watched.say(f"motion with {listed([effect])}")
-    both = both.grounded()
-    alone, force = both.laws.get(effect), both.force
-    final = both.motion.fitted([effect], force.with_laws(alone) if force and alone else None)
-    both.cache.keep(final)
-    return summary_of(both, verdict_of(both, Selection(both.valued(final), asked=effect)))
+    evidence = evidence.grounded()
+    alone, force = evidence.laws.get(effect), evidence.force
+    final = evidence.motion.fitted([effect], force.with_laws(alone) if force and alone else None)
+    evidence.cache.keep(final)
+    return summary_of(evidence, verdict_of(evidence, Selection(evidence.valued(final), asked=effect)))
 
 
 __all__ = ["add", "diagnose", "refine"]

@@ -105,59 +105,64 @@ class Verdict:
         return tuple(n for n in self.names if find_effect(n, "effects").states)
 
 
-def reason_of(t: ValidationTests, conflict: str = "") -> str:
+def reason_of(tests: ValidationTests, conflict: str = "") -> str:
     """Return why the records are not explained, a key of `REASONS`; empty if they are.
 
     ``conflict``: why the two estimates differ. The first test that fails decides.
     """
-    if t.reversed:
+    if tests.reversed:
         return "reversed"
     if conflict:
         return "conflict"
-    if not t.names and t.lost:
+    if not tests.names and tests.lost:
         return "lost"
-    if t.names and t.worse():
+    if tests.names and tests.worse():
         return "worse"
-    if t.names and t.no_better:
+    if tests.names and tests.no_better:
         return "given"
-    if t.remembers and t.case.seldom:
+    if tests.remembers and tests.dataset.seldom:
         return "once"
-    if t.names and t.of_noise:
+    if tests.names and tests.of_noise:
         return "noise"
-    if t.names and t.far and not t.same_at_nominal():
+    if tests.names and tests.far and not tests.same_at_nominal():
         return "far"
-    if t.most or t.loop:
-        return "structure" if t.most else "loop"
-    if t.evidence.sees(t.final):
-        large = not t.names and max([t.percent or 0.0, *t.unpredicted]) > 100.0 * t.criteria.large
-        near = t.evidence.near_noise(t.final)
-        if large and t.elsewhere:
+    if tests.most or tests.loop:
+        return "structure" if tests.most else "loop"
+    if tests.evidence.sees(tests.final):
+        large = not tests.names and max([tests.percent or 0.0, *tests.unpredicted]) > 100.0 * tests.criteria.large
+        near = tests.evidence.near_noise(tests.final)
+        if large and tests.elsewhere:
             return "elsewhere"
-        clean = t.final.clean and (not large or t.follows)
-        noise = clean or (near and t.final.white)
-        more = not t.final.white and (t.little or near or t.changing or t.idle())
-        more = more or (t.little and t.little_motion and not t.final.clean)  # untested is no proof
-        return "structure" if ((large or t.flexible.visible) and not noise) or more else ""
-    if t.case.plant.closed_loop and t.evidence.near_noise(t.final):
+        clean = tests.final.clean and (not large or tests.follows)
+        noise = clean or (near and tests.final.white)
+        more = not tests.final.white and (tests.little or near or tests.changing or tests.idle())
+        more = more or (tests.little and tests.little_motion and not tests.final.clean)  # untested is no proof
+        return "structure" if ((large or tests.flexible.visible) and not noise) or more else ""
+    if tests.dataset.plant.closed_loop and tests.evidence.near_noise(tests.final):
         return ""  # where a servo sticks, the steps of its encoder are no noise that could be tested
-    noise = t.evidence.leaves_noise(t.final)
-    near = t.evidence.near_any_noise(t.final)
-    if t.names and not near and (noise or t.percent is None):
-        told = not t.little_motion or (t.carries_over and not t.elsewhere)
-        return "" if told else "elsewhere" if t.elsewhere else "structure"
-    return "" if noise or t.within_noise or t.little_left else "structure"
+    noise = tests.evidence.leaves_noise(tests.final)
+    near = tests.evidence.near_any_noise(tests.final)
+    if tests.names and not near and (noise or tests.percent is None):
+        told = not tests.little_motion or (tests.carries_over and not tests.elsewhere)
+        return "" if told else "elsewhere" if tests.elsewhere else "structure"
+    return "" if noise or tests.within_noise or tests.little_left else "structure"
 
 
-def verdict_of(w: Evidence, s: Selection) -> Verdict:
+def verdict_of(evidence: Evidence, selection: Selection) -> Verdict:
     """Test a selected model on validation data, and return what follows."""
-    t = ValidationTests(w, s.chosen)
-    reason, refused = reason_of(t, s.conflict), w.motion.refused(w.base, s.chosen) if s.asked else ""
-    names, last = (s.chosen.effects, reason) if not refused else ((), reason_of(ValidationTests(w, w.base)))
+    t = ValidationTests(evidence, selection.chosen)
+    reason, refused = (
+        reason_of(t, selection.conflict),
+        evidence.motion.refused(evidence.base, selection.chosen) if selection.asked else "",
+    )
+    names, last = (
+        (selection.chosen.effects, reason) if not refused else ((), reason_of(ValidationTests(evidence, evidence.base)))
+    )
     without = {n: t.without(n) for n in t.names}
     steps, sampled = t.steps(), t.sampled()
     return Verdict(
-        selection=s,
-        base=w.base,  # asked for after these fits, which may have led further down
+        selection=selection,
+        base=evidence.base,  # asked for after these fits, which may have led further down
         label="unexplained" if last else "missing" if names else "adequate",
         reason=reason,
         steps=steps,

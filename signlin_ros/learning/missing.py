@@ -97,7 +97,7 @@ def add_learned(
     """
     known, unseen = (as_list(data), as_list(validation)) if validation is not None else held_out(as_list(data))
     w = refitted_evidence(dataset_of(model, known, unseen))
-    made, model = w.case, model.with_options(input_hold=w.case.model.input_hold)
+    made, model = w.dataset, model.with_options(input_hold=w.dataset.model.input_hold)
     learned = learn_missing(model, known, over)
     new = with_learned(model, learned)
     notes = dict.fromkeys(f"{record.source}: {note}" for record in (*known, *unseen) for note in record.notes)

@@ -191,9 +191,9 @@ def left(*fits: Fit) -> dict[Fit, np.ndarray]:
 
 
 def both(motion: Any, force: Any, *fits: Fit, tried: Any = (), kept: Any = None) -> Evidence:
-    case = Dataset((SimpleNamespace(units={}),), motion.problem, motion.unseen)
+    dataset = Dataset((SimpleNamespace(units={}),), motion.problem, motion.unseen)
     motion.cache = FitCache(tried=list(tried), force_left=left(*fits) if kept is None else kept)
-    return Evidence(case, motion, force)
+    return Evidence(dataset, motion, force)
 
 
 def chosen(force: Any, base: Fit, first: list[Fit], second: Fit) -> tuple[Fit, str]:
@@ -210,7 +210,7 @@ LAWS = ("coulomb_friction", "stribeck_friction", "gravity_load")
 
 def test_a_silent_force_witness_is_no_veto(monkeypatch):
     second = Fit(("input_delay",), (NOISE,), 1.0, white=True)
-    monkeypatch.setattr(selection, "forward_selection", lambda motion, depth, names, single: [[motion.base], [second]])
+    monkeypatch.setattr(Motion, "search", lambda motion, depth, names, single: [[motion.base], [second]], raising=False)
     w = both(Motion(BASE), None)
     found = select_model(w)
     assert (found.chosen, found.conflict) == (second, "")
@@ -662,7 +662,7 @@ def in_the_tables(j: Judged) -> set[str]:
     rms = [float(x) for f in fits for x in np.sqrt(np.mean(f.validation_squares, axis=0))]
     forces = [p for f in fits if (p := force_percent(j.evidence, f, j.final)) is not None]
     noise = j.evidence.noise_percent
-    more = [j.evidence.case.horizon, noise, j.flexible.percent, *(abs(x) for x in j.far.values())]
+    more = [j.evidence.dataset.horizon, noise, j.flexible.percent, *(abs(x) for x in j.far.values())]
     assert motion.problem.channels
     return {f"{x:.3g}" for x in (*rms, *forces, *more, *(p / noise for p in forces))}
 
@@ -754,8 +754,8 @@ def test_why_more_than_the_sensors_noise_counts_as_noise(clean, curve, told):
     left = [SimpleNamespace(dependent=0.001), SimpleNamespace(dependent=0.004)]
     final = SimpleNamespace(clean=clean, left=left, errors=np.array([0.03, 0.46]))
     sensors, channels = {"current": 0.01, "speed": 0.1}, SimpleNamespace(channels=("current", "speed"))
-    case = SimpleNamespace(horizon=0.2, problem=channels, noise=sensors)
-    seen = SimpleNamespace(noise_percent=0.796, near_noise=lambda f: False, of_effort="of the effort", case=case)
+    dataset = SimpleNamespace(horizon=0.2, problem=channels, noise=sensors)
+    seen = SimpleNamespace(noise_percent=0.796, near_noise=lambda f: False, of_effort="of the effort", dataset=dataset)
     shown = {"names": (), "refused": "", "reversed": "", "far": {}, "label": "adequate", "selection": Selection(final)}
     j = SimpleNamespace(percent=2.93, final=final, flexible=SimpleNamespace(percent=curve), **shown)
     errs = "Over 0.2 s, speed errs by 4.6 times its sensor's noise."

@@ -137,4 +137,4 @@ def test_held_inputs_stay_held() -> None:
     for folder in folders:
         files = [str(folder / f"{part}.csv") for part in ("estimation", "validation")]
         model, (known, unseen) = load_records(Model.load(folder / "model.yaml"), files)
-        assert refitted_evidence(dataset_of(model, known, unseen)).case.model.input_hold == "auto", folder.name
+        assert refitted_evidence(dataset_of(model, known, unseen)).dataset.model.input_hold == "auto", folder.name

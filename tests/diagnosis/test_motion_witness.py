@@ -14,7 +14,6 @@ from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.evidence import Evidence
 from signlin_ros.diagnosis.output_error import FitCache, OutputErrorEstimator, estimator_of, fitting
 from signlin_ros.diagnosis.output_error.fitted import covariance
-from signlin_ros.diagnosis.output_error.forward import forward_selection
 from signlin_ros.diagnosis.output_error.score import gain
 from signlin_ros.diagnosis.output_error.trials import Trial, trials, tryable
 from signlin_ros.diagnosis.progress import CancelledError, Progress
@@ -100,7 +99,7 @@ def test_a_friction_that_is_known_but_for_a_scale_is_there():
 
 def test_the_simplest_law_that_suffices_is_named():
     found = motion(COULOMB)
-    path = forward_selection(found, 3)
+    path = found.search(3)
     assert path[-1][0].effects == ("coulomb_friction",)
     mu = path[-1][0].parameters["coulomb_friction.mu"]
     assert abs(mu.value - 2.0) < 4 * mu.std < 0.5
@@ -158,7 +157,7 @@ def test_it_stops_when_asked():
     sides = prepared(Model.from_dict(BASE), *held_out([record(COULOMB, 1)]))
     watched = Progress(lambda stage, share: asked.append(stage), lambda: len(asked) > 0)
     with pytest.raises(CancelledError):
-        forward_selection(estimator_of(*sides, Criteria(), FitCache(), watched), 3)
+        estimator_of(*sides, Criteria(), FitCache(), watched).search(3)
     assert len(asked) == 1
 
 
@@ -176,7 +175,7 @@ def test_records_of_an_independent_program(group, index, tmp_path):
     paths = [str(folder / f"{part}.csv") for part in ("estimation", "validation")]
     model, (known, unseen) = load_records(Model.load(folder / "model.yaml"), paths)
     found = estimator_of(*prepared(model, [known], [unseen]), Criteria(), FitCache(), jobs=1)
-    final = forward_selection(found, 3)[-1][0]
+    final = found.search(3)[-1][0]
     assert {*final.effects} == {*drawn.truth["hidden"]} - {"none"}
     assert final.white
 

@@ -52,7 +52,7 @@ def test_where_a_value_came_from(name, found, text):
 
 
 def judged(rotary=False):
-    return SimpleNamespace(case=SimpleNamespace(problem=SimpleNamespace(turns=rotary)))
+    return SimpleNamespace(dataset=SimpleNamespace(problem=SimpleNamespace(turns=rotary)))
 
 
 def told(effect, rotary=False, **found):
@@ -81,7 +81,7 @@ def test_a_doubtful_fault_of_a_sensor_is_told_with_its_error():
     parameters = {"sensor_offset.displacement": ParameterEstimate(0.012, 0.013, "m")}
     f = SimpleNamespace(model=AXIS, parameters=parameters)
     assert "0.012 ± 0.013 m too much" in shown(
-        SimpleNamespace(case=SimpleNamespace(problem=SimpleNamespace(turns=False))), f, "sensor_offset"
+        SimpleNamespace(dataset=SimpleNamespace(problem=SimpleNamespace(turns=False))), f, "sensor_offset"
     )
 
 

@@ -46,6 +46,9 @@ from signlin_ros.model import Model
 from signlin_ros.model.numbers import numbers
 from signlin_ros.threads import side_by_side
 
+BEAM = 2
+"""How many single effects a search tries with every other one where none is enough by itself."""
+
 Array = NDArray[np.float64]
 
 
@@ -378,6 +381,40 @@ class OutputErrorEstimator(Decisions):
         self.progress.say("effects with many local minima")
         fits = [bred(self.short, self.best(of).fit, t, self.each) for t in options]
         return self._all_finished(of, [f for f in fits if f])
+
+    # ------------------------------------------------------------ one effect after the other
+
+    def search(
+        self,
+        depth: int,
+        names: Sequence[str] | None = None,
+        single: Callable[[FittedModel], FittedModel | None] = lambda _: None,
+    ) -> list[list[FittedModel]]:
+        """Return the steps from the base to what is proposed: of each what was taken, then the other options, least
+        error first. The first is the base; the last holds what was tried in vain too. ``names``: tried, all by default;
+        ``single`` finds the one effect that is enough where the first step leaves more than noise.
+        """
+        now = self.base
+        path = [[now]]
+        while len(now.effects) < depth and (len(path) == 1 or not now.white):
+            options = self.extensions(now, names)
+            alike = self.alike(now, options)
+            if len(path) == 1 and not (alike and alike[0].white) and (whole := single(alike[0] if alike else now)):
+                return [path[0], [whole, *options]]
+            if not (now.white or (alike and alike[0].white)):
+                options += self.bred(now, names)
+                alike = self.alike(now, options)
+            if not alike and depth > 1 and not (now.white or now.effects):
+                options += [two for one in options[:BEAM] for two in self.extensions(one, names)]
+                options = [*{one.kind: self.best(one) for one in options}.values()]  # a larger one may show the way
+                alike = self.alike(now, options)
+            if not alike:
+                path[-1] += [one for one in options if one not in path[-1]]
+                break
+            now = alike[0]
+            path.append([now, *(one for one in options if one is not now)])
+        path[0][0] = self.best(path[0][0])
+        return path
 
 
 def estimator_of(
