@@ -756,7 +756,15 @@ def test_why_more_than_the_sensors_noise_counts_as_noise(clean, curve, told):
     sensors, channels = {"current": 0.01, "speed": 0.1}, SimpleNamespace(channels=("current", "speed"))
     dataset = SimpleNamespace(horizon=0.2, problem=channels, noise=sensors)
     seen = SimpleNamespace(noise_percent=0.796, near_noise=lambda f: False, of_effort="of the effort", dataset=dataset)
-    shown = {"names": (), "refused": "", "reversed": "", "far": {}, "label": "adequate", "selection": Selection(final)}
+    shown = {
+        "names": (),
+        "refused": "",
+        "reversed": "",
+        "far": {},
+        "label": "adequate",
+        "selection": Selection(final),
+        "alone": False,
+    }
     j = SimpleNamespace(percent=2.93, final=final, flexible=SimpleNamespace(percent=curve), **shown)
     errs = "Over 0.2 s, speed errs by 4.6 times its sensor's noise."
     assert messages.sentence(seen, j).endswith(f"is 2.93 % of the effort, the sensors' noise 0.796 %{told}. {errs}")
