@@ -6,6 +6,7 @@ import json
 import time
 from dataclasses import replace
 from importlib import resources
+from types import SimpleNamespace
 
 import jsonschema
 import numpy as np
@@ -21,6 +22,7 @@ from signlin_ros.diagnosis.rivals import rival
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import InputError
 from signlin_ros.experiment import setting
+from signlin_ros.experiment.contenders import Contender
 from signlin_ros.experiment.distance import RivalBench
 from signlin_ros.experiment.families import COMMAND_FAMILIES, asked_by
 from signlin_ros.experiment.limits import limits_of
@@ -372,3 +374,19 @@ def test_a_reference_is_written_as_a_trajectory_message():
     assert message["points"][3]["time_from_start"] == {"sec": 1, "nanosec": 500000000}
     np.testing.assert_allclose([p["velocities"][0] for p in message["points"]], [2.0, 1.0, -1.0, -2.0])
     assert plan.to_csv().splitlines()[:2] == ["t,goal_position", "0,0"]
+
+
+# -------------------------------------------------------------------- points beside an estimate
+
+
+@pytest.mark.parametrize("theta", [[0.0, 0.0], [-1.0, 0.0], [-0.9, 0.3], [1.0, 1.0]])
+def test_points_beside_an_estimate_are_within_bounds_and_a_standard_error_away_at_most(theta):
+    low, high = -np.ones(2), np.ones(2)
+    along, across = np.array([1.0, -1.0]) / np.sqrt(2), np.array([1.0, 1.0]) / np.sqrt(2)
+    information = 4.0 * np.outer(along, along) + 1e4 * np.outer(across, across)  # only the difference is unknown
+    c = Contender((), SimpleNamespace(bounds=(low, high)), np.array(theta), information)
+    for x in c.sigma_points:
+        assert np.all((x >= low - 1e-12) & (x <= high + 1e-12))
+        assert (x - theta) @ information @ (x - theta) <= 1.0 + 1e-9
+    for x in c.drawn(np.random.default_rng(1), 50):
+        assert np.all((x >= low - 1e-12) & (x <= high + 1e-12))
