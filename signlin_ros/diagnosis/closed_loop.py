@@ -15,7 +15,7 @@ FAMILY = "dry friction"
 
 
 def remarks(evidence: Evidence, verdict: Verdict) -> list[str]:
-    """Return what the records cannot tell; empty for other plants."""
+    """Return sentences on doubts that records of a closed loop leave; empty for other plants."""
     if not evidence.dataset.plant.closed_loop:
         return []
     beside, alike = _beside(evidence, verdict), same(evidence.dataset)

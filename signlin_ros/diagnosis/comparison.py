@@ -274,7 +274,7 @@ def _how_inputs_act(c: Dataset | InputError, progress: Progress) -> Evidence | N
 
 
 def _watched(progress: Progress | Callable[[str], None] | None) -> Progress:
-    """Return what watches, told of stages without shares: how many there are is known only where nothing is named."""
+    """Return a watcher as a `Progress` that is told of stages without shares: `compare` knows of no share."""
     if progress is None or isinstance(progress, Progress):
         return progress or Progress()
     tell = progress
@@ -301,7 +301,7 @@ def lost(channels: Mapping[str, ChannelScores]) -> list[str]:
 def _remarks(
     observer: Observer, channels: Mapping[str, ChannelScores], lacking: Sequence[Missing], where: Sequence[Region]
 ) -> list[str]:
-    """Return what a reader should know of how the figures came about."""
+    """Return notes on how the figures came about."""
     names = lost(channels)
     found = [follows_nothing(names)] if names else []
     if any(m.clear for m in lacking) and not where:

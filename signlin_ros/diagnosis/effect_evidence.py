@@ -221,7 +221,7 @@ def _by_force(evidence: Evidence, rest: set[str], effect: str) -> FittedModel | 
 def _explanation(
     fitted: FittedModel, effect: str, place: Place, measured: Array, computed: Array
 ) -> Explanation | None:
-    """Return what is missing and what an effect makes of it; None where the record has too little of it."""
+    """Return the force residual without an effect (N,) and the effect's own force (N,); None for too few samples."""
     if place.kept is not None:
         measured, computed = measured[place.kept], computed[place.kept]
     sides = [place.side == s for s in np.unique(place.side) if np.count_nonzero(place.side == s) >= MIN_SHOWN_SAMPLES]

@@ -43,7 +43,7 @@ class Findings:
 
 
 def findings_of(evidence: Evidence, verdict: Verdict, model: Model, told: Collection[str]) -> Findings:
-    """Return what is shown of a verdict; ``model``: as it is proposed, ``told``: its parameters that tables show."""
+    """Return the values that pages show of a verdict; ``model``: as proposed, ``told``: its parameters in tables."""
     problem, unseen = evidence.dataset.problem, evidence.dataset.unseen
     best = nearest(evidence)
     return Findings(

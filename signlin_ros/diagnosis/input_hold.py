@@ -166,7 +166,7 @@ def _again(held: HoldTrial, force: EquationErrorResult | None, other: HoldTrial)
 
 
 def _other(motion: OutputErrorEstimator, force: EquationErrorResult | None, hold: Hold) -> HoldTrial | None:
-    """Return what another hold leaves; None where the base diverges with it."""
+    """Return the trial of another hold; None where the base diverges with it."""
     try:
         return _tried(motion.acting(hold), force)
     except SimulationError:
@@ -188,7 +188,7 @@ def _errors(one: HoldTrial, names: Names) -> Array:
 
 
 def _said(c: Dataset, held: HoldTrial, taken: HoldTrial) -> str:
-    """Return what is told of the hold that was taken, and what it is worth: to the base, if that shows it."""
+    """Return a sentence on the hold that was taken, with the error that falls for it: the base's, if that shows it."""
     shows = np.all(_errors(taken, ()) <= _errors(held, ())) and np.any(_errors(taken, ()) <= BETTER * _errors(held, ()))
     names = () if shows else taken.best
     a, b = _errors(held, names), _errors(taken, names)

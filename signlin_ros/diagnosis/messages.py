@@ -60,7 +60,7 @@ def sentence(evidence: Evidence, verdict: Verdict) -> str:
 
 
 def _first(verdict: Verdict) -> str:
-    """Return what is told before anything else: base parameters far from what was said of them."""
+    """Return the sentence on base parameters far from nominal, which comes before all others; empty if none is."""
     if not verdict.far:
         return ""
     parts = [f"{n} ends {abs(x):.1f} tolerances from its nominal value" for n, x in verdict.far.items()]
@@ -167,7 +167,7 @@ def _errors_fall(evidence: Evidence, before: FittedModel, after: FittedModel, pa
 
 
 def remainder(evidence: Evidence, verdict: Verdict) -> str:
-    """Return what is left, and what would take it away."""
+    """Return a sentence on the residual in per cent of the effort, and on the curve that would take it away."""
     noise = evidence.noise_percent
     if verdict.names and verdict.imposed is not None:
         return f" Over {evidence.dataset.horizon:.3g} s, {verdict.imposed:.3g} % of the spread of the force is left."
@@ -226,7 +226,7 @@ def _unpredictable(verdict: Verdict, percent: float) -> str:
 
 
 def remarks(evidence: Evidence, verdict: Verdict) -> list[str]:
-    """Return what the records cannot tell of the effects that are named."""
+    """Return sentences on doubts that the records leave of the effects that are named."""
     found = [ONE_CYCLE] if verdict.names and evidence.dataset.one_cycle else []
     if evidence.contradicted:
         own = ", ".join(
@@ -250,7 +250,7 @@ def remarks(evidence: Evidence, verdict: Verdict) -> list[str]:
 
 
 def shown(evidence: Evidence, f: FittedModel, effect: str) -> str:
-    """Return what a record shows of an effect, as a sentence with the values of its fit."""
+    """Return a sentence on an effect as a record shows it, with the values of its fit."""
     cls, plant = find_effect(effect, "effects"), f.model.plant
     if issubclass(cls, SensorEffect):
         (channel, p), *_ = own_parameters(f, effect).items()

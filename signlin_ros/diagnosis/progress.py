@@ -48,7 +48,7 @@ class Progress:
 
     @classmethod
     def of(cls, watcher: Progress | Report | None) -> Progress:
-        """Return what a verb was given as one: a function is told of stages, None is told nothing."""
+        """Return a watcher as a `Progress`: a function is told of stages, None is told nothing."""
         if isinstance(watcher, Progress):
             return watcher
         return cls(watcher) if watcher else cls()

@@ -46,7 +46,7 @@ class ParameterEstimate:
     note: str = ""
 
     def to_json(self) -> dict[str, Any]:
-        """Return what the contract calls one of PARAMETERS."""
+        """Return the value, standard error and unit as the contract's PARAMETERS has them."""
         found: dict[str, Any] = {"value": self.value, "std": _json(self.std), "unit": self.unit}
         return {**found, "note": self.note} if self.note else found
 
@@ -62,7 +62,7 @@ class Scores:
     channels: Mapping[str, Score]
 
     def to_json(self) -> dict[str, Any]:
-        """Return what the contract calls SCORES, with the key ``score``."""
+        """Return the scores by channel as the contract's SCORES has them, with the key ``score``."""
         return {**{name: _json(s.to_json()) for name, s in self.channels.items()}, "score": "windowed"}
 
     @property
@@ -128,7 +128,7 @@ class FirstRows:
     horizon: float
 
     def to_json(self) -> dict[str, Any]:
-        """Return what `signlin compare --json` prints of them."""
+        """Return the object ``first_rows`` of `signlin compare --json`."""
         return {name: _json(value) for name, value in vars(self).items()}
 
 

@@ -92,8 +92,8 @@ def _by_itself(evidence: Evidence, now: FittedModel) -> FittedModel | None:
 
 
 def _unless_turning(evidence: Evidence, first: FittedModel) -> FittedModel:
-    """Return what explains force and motion, or what goes with an angle that nobody said is one, where that leaves
-    noise, and surely less: for what the band leaves of it, a weight is a cubic spring.
+    """Return the model that explains force and motion, or one with an effect of an angle that nobody said is one, where
+    that leaves noise, and surely less: for what the band leaves of it, a weight is a cubic spring.
     """
     turning = {n for n in evidence.hidden if EFFECTS[n].angular}
     other = _best_of(evidence, evidence.base, turning, rival=first) if turning else None
@@ -120,7 +120,7 @@ def _searched(evidence: Evidence) -> list[str] | None:
 
 
 def _together(evidence: Evidence, refused: FittedModel) -> FittedModel | None:
-    """Return what the motion refuses by itself with an effect that no force shows beside it, if both are needed."""
+    """Return a model that the motion refuses with an effect beside it that no force shows, where both are needed."""
     motion, both = evidence.motion, _best_of(evidence, refused, evidence.hidden)
     if both is None or motion.refused(evidence.base, both):
         return None
@@ -173,7 +173,7 @@ def _overruled(evidence: Evidence, force: EquationErrorResult, second: FittedMod
 
 
 def _both(evidence: Evidence, force: EquationErrorResult, second: FittedModel) -> str:
-    """Return what both estimates say where the motion refuses what the force shows, beside the row of the base."""
+    """Return the sentence of both estimates where the motion refuses the laws of the force."""
     after, shown = evidence.percent(force.fit.error), evidence.percent(evidence.left(evidence.base))
     before = "" if shown is None else f" in place of {shown:.3g} %"
     told = (
@@ -201,7 +201,7 @@ def _beyond(evidence: Evidence, now: FittedModel, other: FittedModel) -> bool:
 
 
 def _confirmed(evidence: Evidence, force: EquationErrorResult) -> FittedModel | None:
-    """Return what the equation-error estimate proposes, with the values of the motion or the force; None where it is
+    """Return the proposal of the equation-error estimate, with the values of the motion or the force; None where it is
     refused.
     """
     c, motion, choice = evidence.criteria, evidence.motion, FamilyChoice(evidence, force)

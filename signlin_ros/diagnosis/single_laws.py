@@ -38,7 +38,7 @@ def fit_every_law(evidence: Evidence, now: FittedModel) -> list[FittedModel]:
 
 
 def fit_families(evidence: Evidence, final: FittedModel) -> list[FittedModel]:
-    """Return what is as good as a proposal with another law of the family in the place of one."""
+    """Return models as good as a proposal with another law of the family in the place of one."""
     found = list[FittedModel]()
     for name in final.effects if len(final.effects) > 1 else ():
         family = EFFECTS[name].family

@@ -120,7 +120,7 @@ def _applies(evidence: Evidence, name: str) -> bool:
 
 
 def _ties(evidence: Evidence, verdict: Verdict, effect: str) -> tuple[str, ...]:
-    """Return what is as good in the place of an effect, by force or motion, refused by neither, and leaves no more."""
+    """Return effects that are as good in the place of one, by force or motion, refused by neither."""
     force, rest, found = evidence.force, set(verdict.names) - {effect}, set[str]()
     if force and set(force.effects) == set(verdict.names):
         found |= set(force.ties[effect])
@@ -200,7 +200,7 @@ def _beyond(evidence: Evidence) -> str:
 
 
 def _experiments(evidence: Evidence, verdict: Verdict, ranking: Sequence[RankingEntry]) -> tuple[str, ...]:
-    """Return what to record to decide between what ties, and to see what this record cannot show."""
+    """Return the experiments that would decide between ties, and show the effects that this record cannot."""
     asked = {tie: "to decide on" for e in ranking if e.effect in verdict.names for tie in e.indistinguishable_from}
     asked |= {e.effect: "to see" for e in ranking if e.status == "not_excited" and e.effect not in asked}
     what = {n: find_effect(n, "effects").experiment for n in asked}

@@ -62,7 +62,7 @@ class EquationErrorResult:
 
     @classmethod
     def of(cls, search: SubsetSearch) -> EquationErrorResult:
-        """Return what a search has found."""
+        """Return the result of a search that has been run."""
         fit, base = search.chosen, search.base
         flexible = structured(search.r, search.waves, base, fit)
         sets = dict(search.models)  # before what follows is asked: it does not depend on that
@@ -101,7 +101,7 @@ class EquationErrorResult:
         return tuple(n for n, _ in self.fit.members)
 
     def structure_left(self, fit: RegressionFit) -> Curve:
-        """Return what a flexible curve takes away beside a fit."""
+        """Return the residual of a fit after a flexible curve, in per cent of the effort."""
         return structured(self.regression, self.waves, self.base, fit)
 
     def percent(self, fit: RegressionFit | None = None) -> float:

@@ -89,7 +89,7 @@ def _lagged(x: Array, step: float, tau: float) -> Array:
 
 
 def _coordinates(piece: ForceSegment) -> Array:
-    """Return what a force may go with (T, d); not the effort and acceleration of now: what is left has their noise."""
+    """Return the coordinates (T, d) of a force; not effort and acceleration of now: their noise is in the residual."""
     v, step = piece.v, piece.step
     past = [
         _lagged(v, step, MEMORY_TIMES[0]),
@@ -158,7 +158,7 @@ def _along_the_way(r: Regression, waves: Waves, left: Array) -> tuple[Columns | 
 
 
 def _unseen_after(r: Regression, waves: Waves, fit: RegressionFit) -> tuple[Array, str]:
-    """Return what a flexible regression leaves (K,) of validation data, and which force repeats along the way, if
+    """Return the residual (K,) of a flexible regression on validation data, and which force repeats along the way, if
     any.
     """
     along, told = _along_the_way(r, waves, fit.left)
@@ -232,7 +232,7 @@ def changing(r: Regression, left: Array, own: Mapping[str, Columns] | None = Non
 
 
 def _changed(piece: ForceSegment, left: Array, force: Array) -> Array:
-    """Return what is left (K,) after a force whose size is a spline of time, each block predicted from the others; all
+    """Return the residual (K,) after a force whose size is a spline of time, each block predicted from the others; all
     of it where the motion comes back too rarely: what changes with time is then not told from what goes with it.
     """
     reversals = int(np.count_nonzero(np.diff(np.sign(piece.sign[np.abs(piece.sign) > MIN_CHANGING_PART]))))

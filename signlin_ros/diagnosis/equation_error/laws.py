@@ -155,12 +155,12 @@ class LawRegressor:
         return loads_of(self.model.structure) is not None
 
     def loads(self, piece: ForceSegment, shape: Shape) -> Array:
-        """Return what unit levels add (K, columns) to the part of the effort that drives."""
+        """Return the effort (K, columns) that unit levels add to the part that drives."""
         unit = effort_unit(self.model)
         return piece.once(("load", self.name, shape), lambda: self._seen(piece, shape, loads_of) / unit)
 
     def _seen(self, piece: ForceSegment, shape: Shape, what: Callable[[Structure], Any]) -> Array:
-        """Return what a tape of the law says times the mass (K, columns), through the low-pass."""
+        """Return the outputs of a tape of the law times the mass (K, columns), through the low-pass."""
         changed = {f"{KEY}.{n}": v for n, v in shape if n in self.structural}
         known = {**piece.conditions, **changed}
         model = self.model.with_parameters(known) if known else self.model

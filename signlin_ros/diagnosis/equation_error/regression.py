@@ -275,7 +275,7 @@ def _bounded(
 
 
 def precision(spread: Array, scale: Array, size: float, n: int) -> Array:
-    """Return what is known beforehand of coefficients (c,) of scaled columns, where n samples leave a ``size``."""
+    """Return the prior information (c,) on coefficients of scaled columns, where n samples leave a ``size``."""
     known = np.minimum(size / (spread * scale + MIN_DIVISOR), 1e9)  # a column may be nothing but zeros
     return np.where(np.isfinite(spread), np.minimum(known**2, 1e12 * n), 1e-9 * n)
 

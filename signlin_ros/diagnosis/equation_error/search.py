@@ -105,7 +105,7 @@ class SubsetSearch:
             self.shapes[name].append(shape)
 
     def _subsets(self, members: Iterable[Member]) -> Subsets:
-        """Return what tells of all sets at once, of the shapes that are known and those of some members."""
+        """Return the sets of all laws, with the shapes that are known and those of some members."""
         for name, shape in members:
             self._grown(name, shape)
         return Subsets(self.r, self.shapes)

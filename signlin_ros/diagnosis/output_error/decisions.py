@@ -33,7 +33,7 @@ class Decisions:
         raise NotImplementedError
 
     def gain(self, before: FittedModel, after: FittedModel) -> Gain:
-        """Return what one model explains of validation data beyond another."""
+        """Return the gain of one model beyond another on validation data."""
         return gain(self.best(before).validation_squares, after.validation_squares, self.unseen.noise)
 
     def certainty(self, before: FittedModel, after: FittedModel) -> float:

@@ -324,8 +324,8 @@ class OutputErrorEstimator(Decisions):
         rival: FittedModel | None = None,
         share: float | None = None,
     ) -> list[FittedModel]:
-        """Return what can be added to a fit, the promising ones fitted out, least error on validation data first; what
-        comes near a ``rival`` that is as good. ``share``: from all starts, what gains this much of the best's gain.
+        """Return fits with one effect more, the promising ones fitted out, least error on validation data first; those
+        that come near a ``rival`` that is as good. ``share``: from all starts, those of this share of the best's gain.
         """
         options = [self._heard(t) for t in trials(self.problem, names) if t.name not in of.effects]
         self.cache.searched.setdefault(of.effects, set()).update(t.name for t in options)
@@ -376,7 +376,7 @@ class OutputErrorEstimator(Decisions):
         return [one.candidate(self.problem) for one in found]
 
     def bred(self, of: FittedModel, names: Sequence[str] | None = None) -> list[FittedModel]:
-        """Return what can be added of the effects that have many local minima, from the best of all their starts."""
+        """Return fits with one effect more of many local minima, each from the best of all its starts."""
         options = [t for t in trials(self.problem, names) if t.effect.rugged and t.name not in of.effects]
         self.progress.say("effects with many local minima")
         fits = [bred(self.short, self.best(of).fit, t, self.each) for t in options]

@@ -53,7 +53,7 @@ class ResidualStructure:
 
 
 def left(problem: Problem, f: Fit, criteria: Criteria) -> tuple[ResidualStructure, ...]:
-    """Return what a fit leaves in every channel, seen with the slowest observer: others keep on its track."""
+    """Return the structure of a fit's residual by channel, with the slowest observer: others keep on its track."""
     lowest = problem.levels[-1]
     slow = f if f.gains is lowest else fit(problem, f.candidate, lowest, f.theta, 0)
     f, lost, result = slow or f, slow is None, []
@@ -141,7 +141,7 @@ def _functions(q: Array, v: Array, u: Array) -> Array:
 
 
 def _as_left(functions: Array, seen: Array | None, samples: int, channels: int) -> Array:
-    """Return what an observer leaves (T, ny, k) of forces (T - 1, k) between samples, or (T, k) at them if there is
+    """Return the innovations (T, ny, k) that forces make, (T - 1, k) between samples, or (T, k) at them if there is
     no inertia (``seen``: None).
     """
     if seen is None:

@@ -189,7 +189,7 @@ def _corrected(gains: ObserverGains, c: Candidate, X: Array, e: Array) -> Array:
 
 
 def _shown(sensors: tuple[Array, ...], run: Tracker, known: Array, free: Array, at: Sequence[int]) -> Array:
-    """Return what the channels would show (T, ny) of free runs (T, n), ``sensors`` and their delays included."""
+    """Return the channels (T, ny) of free runs (T, n), ``sensors`` and their delays included."""
     t, (gain, offset, lags) = run.t, sensors
     acting = np.searchsorted(t, t - (run.model.delay - run.early) + 1e-9, side="right") - 1
     u = run.u[np.clip(acting, 0, t.size - 1)]

@@ -57,7 +57,7 @@ class Trial:
 
 
 def trials(problem: Problem, names: Sequence[str] | None = None) -> list[Trial]:
-    """Return what can be tried on the base model; raise `InputError` for a name that cannot."""
+    """Return the effects that can be tried on the base model; raise `InputError` for a name that cannot."""
     every = EFFECTS if names is None else names
     found = [one for name in every for one in _trials(problem, name, names is not None)]
     for name in set(names or ()) - {one.name for one in found}:
@@ -176,7 +176,7 @@ class CandidateParts:
         return replace(self, model=self.model.with_effect(name, key=key, **start), keys=(*self.keys, key))
 
     def candidate(self, problem: Problem) -> Candidate:
-        """Return what is fitted: with the base parameters at nominal, since a model that lacks something bends them."""
+        """Return the candidate of a fit: base parameters at nominal, since a model that lacks something bends them."""
         c, given = candidate(problem, self.model, self.keys, self.sensors), numbers(problem.base)
         return replace(c, values={n: given.get(n, v) for n, v in c.values.items()})
 
