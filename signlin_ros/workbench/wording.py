@@ -21,7 +21,7 @@ INSTEAD = (
     (r"; --signal (\S+)=COLUMN says it otherwise", r"; choose another column for \1 below"),
     (r"; give --validation", "; drop a second record"),
     (r",? ?`signlin check` may tell\.?", " The check may tell."),
-    (r"`signlin add learned_force` learns it as a curve", "*Learn it as a curve*, in Add, does that"),
+    (r"`signlin add learned_force` learns it as a curve", "the button “Learn it as a curve”, in Add, does that"),
     (r"; --cure none: the record is taken as it is", "; or take the records as they are, in Check"),
     (r"--cure (\w+): ", r"\1, in Check: "),
 )

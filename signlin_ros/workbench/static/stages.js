@@ -386,8 +386,8 @@ function xy(block, channels, inputs) {
   const label = (n) => `${words(n)}${unit(units[n.replace("residual of ", "")])}`;
   const draw = async () => {
     const [from, to] = stackOf("compare")?.span ?? [null, null];
-    const found = await api.show("xy", { from, to, stretch: shownStretch, how, x: across[0], y: across[1] });
-    fill(holder, legend(["measured", "simulated"]), scatter(found.curves, across.map(label)));
+    const found = await api.show("xy", { from, to, stretch: shownStretch, how, x: across[0], y: across[1] }).catch((e) => fill(holder, h("p", { class: "quiet" }, e.message)));
+    if (found) fill(holder, legend(["measured", "simulated"]), scatter(found.curves, across.map(label)));
   };
   const choose = (k) => h("select", { id: `xy-${k ? "y" : "x"}`, "aria-label": k ? "Upwards" : "To the right", onchange: (e) => { across[k] = e.target.value; draw(); } }, names.map((n) => h("option", { value: n, selected: n === across[k] }, label(n))));
   return h("details", { id: "xy", ontoggle: (e) => e.target.open && draw() }, h("summary", {}, "One quantity over another"), h("div", { class: "row" }, choose(1), h("span", {}, "over"), choose(0), h("button", { class: "small", onclick: draw }, "Draw what is shown above")), holder);
