@@ -37,6 +37,10 @@ FAMILIES_REFITTED, MIXED, CHANGED = 6, 4, 40
 LADDER_STRIDE, MIN_LINEAR_RATIO, SOUGHT = 3, 3.0, 30
 """Steps of the ladder between the peaks at which pairs are looked at first; a pair is asked for from that multiple of
 what is needed on, by linear refits, which tell too much; commands that are refitted where none is enough."""
+RECOVERED = 6
+"""Most of these of which all rivals are refitted from sigma points: that is what costs most."""
+MOST_FOLLOWED = 4000
+"""Runs through the observer after which nothing is improved any more, nor a longer record tried."""
 REFIT_AT = 0.5
 """Part of `ENOUGH` in one linear refit below which a real one is not worth while: it only tells less."""
 
@@ -94,6 +98,11 @@ class CommandSearch:
     def most(self) -> float:
         """The largest input beside that at rest."""
         return self.limits.input - abs(self.bench.bias)
+
+    @property
+    def spent(self) -> bool:
+        """Whether so much was followed that the best by then is taken."""
+        return self.bench.used["fits"] >= MOST_FOLLOWED
 
     def command(self, parts: Sequence[Part]) -> Array:
         """Return the command u (T,) of some parts about what holds the machine, no larger than its limit."""
@@ -256,12 +265,16 @@ class CommandSearch:
     def loudest(self) -> CommandTrial | None:
         """Return the command of the largest real distance that rivals come back from, where none is enough."""
         best: CommandTrial | None = None
+        left = RECOVERED
         for one in sorted(self.tried, key=lambda one: -float(one.linear.min()))[:SOUGHT]:
             least = 0.0 if best is None else best.least
-            if float(one.linear.min()) <= least:
+            if float(one.linear.min()) <= least or left == 0 or (best is not None and self.spent):
                 break
             done = self.refitted(one, least)
-            done = self.recovered(done, least) if done.least > least else done
+            if done.least > least and done.sure is None:
+                left -= 1
+                self.tell("what rivals would show of the best commands", 0.5 + 0.3 * (1.0 - left / RECOVERED))
+                done = self.recovered(done, least)
             sound = np.isfinite(done.back) and done.back <= max(RECOVERS * done.least, NEEDED_EVIDENCE / 2)
             if done.certainties is not None and done.least > least and (sound or best is None):
                 best = done
@@ -271,6 +284,8 @@ class CommandSearch:
         """Return a command after random changes of its parts that keep its peak, if a real refit says it is better."""
         g, best = np.random.default_rng(self.seed), one
         for _ in range(CHANGED):
+            if self.spent:
+                break
             parts = changed(g, best.parts)
             family = Family(f"{one.family.name}, refined", parts, one.family.texts)
             trial = self.screened(family, parts, floor=best.least)

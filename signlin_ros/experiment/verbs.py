@@ -152,7 +152,7 @@ def designed(
     if search.most <= 0.0:
         raise InputError(f"holding the machine takes {bench.bias:g}, more than its limit {search.limits.input:g}")
     plan = _planned(search, rest, wishes, after)
-    if wishes.duration is not None or not _short(plan):
+    if wishes.duration is not None or search.spent or not _short(plan):
         return plan
     tell("a record twice as long", 0.5)
     t = _times(bench, replace(wishes, duration=LONGER * plan.duration))
