@@ -3,6 +3,7 @@
     python -m benchmarks.hidden.score --groups single none --count 50 --seed 1 --results out/hidden.jsonl
     python -m benchmarks.hidden.score --folder RECORDS            records on disk, the shared examples among them
     python -m benchmarks.hidden.score --results out/hidden.jsonl --report
+    python -m benchmarks.hidden.score --groups catalogue --by force       what the equation-error estimate says alone
 
 Every answer is appended to the results file; a run that is started again skips what is in there. ``--report`` runs
 nothing. What counts as right is in `judge`.
@@ -20,12 +21,13 @@ import time
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from benchmarks.hidden import alone
 from benchmarks.hidden.effects import UNLISTED
 from benchmarks.hidden.generator import DEVELOPMENT, GROUPS, draw, write
 
@@ -36,17 +38,19 @@ NAMED = ("confirmed", "ambiguous")
 
 @dataclass(frozen=True)
 class Task:
-    """One record: drawn by (group, index, seed), or read from a folder."""
+    """One record: drawn by (group, index, seed), or read from a folder; ``by``: which estimates are asked."""
 
     group: str
     index: int = 0
     seed: int = 0
     folder: str = ""
     truth: str = ""
+    by: str = "both"
 
     @property
     def key(self) -> str:
-        return "/".join(Path(self.folder).parts[-2:]) if self.folder else f"{self.group}/{self.index}/{self.seed}"
+        name = "/".join(Path(self.folder).parts[-2:]) if self.folder else f"{self.group}/{self.index}/{self.seed}"
+        return name if self.by == "both" else f"{name}/{self.by}"
 
 
 def diagnose_record(folder: Path) -> dict[str, Any]:
@@ -77,7 +81,8 @@ def run(task: Task) -> dict[str, Any]:
             folder, truth = write(record, Path(scratch)), record.truth
         began = time.perf_counter()
         try:
-            answer, error = _brief(diagnose_record(folder)), ""
+            found = diagnose_record(folder) if task.by == "both" else alone.answer(folder, task.by)
+            answer, error = _brief(found), ""
         except Exception as fault:  # noqa: BLE001 - whatever goes wrong is counted as wrong
             answer, error = None, f"{type(fault).__name__}: {fault}"
         seconds = time.perf_counter() - began
@@ -89,6 +94,11 @@ def run(task: Task) -> dict[str, Any]:
         "answer": answer,
         "error": error,
     }
+
+
+def _run_before(end: float, task: Task) -> dict[str, Any] | None:
+    """Diagnose one record, unless that would begin after a time of the clock (s)."""
+    return run(task) if time.time() < end else None
 
 
 def group_of(truth: Mapping[str, Any]) -> str:
@@ -271,8 +281,9 @@ def _known(path: Path | None) -> list[dict[str, Any]]:
     return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
 
 
-def run_all(tasks: list[Task], path: Path | None, jobs: int) -> list[dict[str, Any]]:
-    """Run the tasks that have no result yet; return all their results."""
+def run_all(tasks: list[Task], path: Path | None, jobs: int, minutes: float = np.inf) -> list[dict[str, Any]]:
+    """Run the tasks that have no result yet, none begun after some minutes; return all their results."""
+    end = time.time() + 60.0 * minutes
     wanted = {t.key for t in tasks}
     results = [r for r in _known(path) if r["key"] in wanted]
     done = {r["key"] for r in results}
@@ -280,9 +291,11 @@ def run_all(tasks: list[Task], path: Path | None, jobs: int) -> list[dict[str, A
     if path is not None:
         path.parent.mkdir(parents=True, exist_ok=True)
     with ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
-        waiting = [pool.submit(run, t) for t in left]
+        waiting = [pool.submit(_run_before, end, t) for t in left]
         for k, future in enumerate(as_completed(waiting), 1):
             result = future.result()
+            if result is None:
+                continue
             results.append(result)
             if path is not None:
                 with path.open("a", encoding="utf-8") as file:
@@ -302,9 +315,11 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="index of the first record")
     parser.add_argument("--seed", type=int, default=DEVELOPMENT)
     parser.add_argument("--folder", type=Path, help="score the records in a folder instead")
+    parser.add_argument("--by", choices=alone.ESTIMATES, default="both", help="ask one of the two estimates alone")
     parser.add_argument("--results", type=Path, help="JSON lines, appended to; what is in there is not run again")
     parser.add_argument("--report", action="store_true", help="run nothing, report the results file")
     parser.add_argument("--table", type=Path, help="write the confusion as CSV too")
+    parser.add_argument("--minutes", type=float, default=np.inf, help="begin no record after so long")
     parser.add_argument("--jobs", type=int, default=2)
     a = parser.parse_args()
     if a.report:
@@ -312,7 +327,8 @@ def main() -> None:
     else:
         indices = range(a.first, a.first + a.count)
         tasks = list(tasks_in(a.folder)) if a.folder else [Task(g, k, a.seed) for g in a.groups for k in indices]
-        results = run_all(tasks, a.results, a.jobs)
+        tasks = [replace(task, by=a.by) for task in tasks]
+        results = run_all(tasks, a.results, a.jobs, a.minutes)
     results.sort(key=lambda r: str(r["key"]))
     print(report(results))
     if a.table:

@@ -68,11 +68,17 @@ class OfColumns(Check):
         if not common:
             return [[self._at_odds(f, first) if f.columns else f for f in told] for told in found]
         shared = [first[cure] for cure in first if cure in common]
+        pairs = list(zip(looks, cures, strict=True))
+        against = {f.cure: [o for o, own in pairs if f.cure not in own and self.contradicts(o, f)] for f, _ in shared}
         return [
-            [f for f in told if not f.columns or f.cure in common]
-            + [_as_in(f, look) for f, look in shared if f.cure not in own]
-            for told, own in zip(found, cures, strict=True)
+            [_but_not_in(f, against.get(f.cure, [])) for f in told if not f.columns or f.cure in common]
+            + [_as_in(f, look) for f, look in shared if f.cure not in own and one not in against[f.cure]]
+            for told, (one, own) in zip(found, pairs, strict=True)
         ]
+
+    def contradicts(self, look: Look, f: Finding) -> bool:
+        """Tell whether a record shows that what is found in another one does not hold for it."""
+        return False
 
     def _at_odds(self, f: Finding, first: Mapping[str, tuple[Finding, Look]]) -> Finding:
         """Return a finding beside those of other records that ask for something else."""
@@ -84,6 +90,14 @@ class OfColumns(Check):
 
 def _as_in(f: Finding, look: Look) -> Finding:
     return replace(f, sentence=f"{f.sentence} (as in {look.record.source}, whose columns are the same)")
+
+
+def _but_not_in(f: Finding, others: Sequence[Look]) -> Finding:
+    """Return a finding with the records of the same columns that it does not hold for."""
+    if not others:
+        return f
+    files = ", ".join(look.record.source for look in others)
+    return replace(f, sentence=f"{f.sentence}; not so in {files}, where the same column fits as it is: two units")
 
 
 def with_channel(record: ModelData, name: str, values: Array) -> ModelData:

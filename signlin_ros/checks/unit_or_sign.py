@@ -64,6 +64,13 @@ class UnitOrSign(OfColumns):
         whole = list(self._read(known)) if len(known) > 1 else []
         return [list(whole) for _ in looks] if whole else super().find_each(looks)
 
+    def contradicts(self, look: Look, f: Finding) -> bool:
+        """Tell whether a record fits as it is, and far worse as another one asks for."""
+        own, other = look.resisted, Look(look.model, f.action(look.record)).resisted if f.action else None
+        if own is None or other is None:
+            return False
+        return own.left() < min(MAX_ERROR_RATIO * other.left(), MAX_GOOD_RESIDUAL)
+
     def _read(self, looks: Sequence[Look]) -> Iterator[Finding]:
         parts = [p for p in (look.resisted for look in looks) if p is not None]
         if not parts:

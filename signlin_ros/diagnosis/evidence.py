@@ -63,10 +63,17 @@ class Evidence:
         leave more than all of the effort, surely more than as given, far from noise of motion and force: what moves
         slowly in a loop is followed best where forces hardly act (300 times its inertia), which is no reference. The
         model as given is the reference where what is held leaves more without the laws beside which it was found.
+        Forces that show no law tell no more of a base that lacks one than the motion does.
         """
         force, motion = self.force, self.motion
         given, own = self.as_written(motion.given), self.as_written(motion.base)
-        if force is None or given is None or own is None or (self.percent(own) or 0.0) <= WHOLE_EFFORT:
+        if (
+            force is None
+            or not force.effects
+            or given is None
+            or own is None
+            or (self.percent(own) or 0.0) <= WHOLE_EFFORT
+        ):
             return self
         complete = force.fit.error <= self.criteria.sees**2 * self.noise or motion.base.near(self.criteria.sees)
         if complete or mean_certainty(given, own) > -self.criteria.certainty:

@@ -237,6 +237,7 @@ def remarks(evidence: Evidence, verdict: Verdict) -> list[str]:
             f"the motion alone would have base parameters that the forces contradict ({own}: {left:.3g} % of the "
             "effort is left); they are held at what the force tells of them"
         )
+    found += _risen(evidence, verdict)
     if verdict.sampled:
         found.append(
             f"{HELD_INPUTS} {joined(_errors_fall(evidence, verdict.final, verdict.sampled, []))} on validation data"
@@ -247,6 +248,20 @@ def remarks(evidence: Evidence, verdict: Verdict) -> list[str]:
             "assumed; a record over a longer way would show it"
         )
     return found
+
+
+def _risen(evidence: Evidence, verdict: Verdict) -> list[str]:
+    """Return which row rises with what leaves but noise, and why that is nothing against it."""
+    base, final, problem = evidence.base, verdict.final, evidence.dataset.problem
+    if not verdict.names or not evidence.motion.settles(base, final):
+        return []
+    channel = evidence.rising(base, final, evidence.criteria.worse)
+    if not channel:
+        return []
+    k, unit = problem.channels.index(channel), problem.shown(problem.units.get(channel, ""))
+    rise = f"from {base.errors[k]:.3g} to {final.errors[k]:.3g} {unit}"
+    why = "what is left of the training data is noise, so that is chance, or what they tell little of"
+    return [f"with {listed(verdict.names)} the error of {channel} on validation data rises {rise}: {why}"]
 
 
 def shown(evidence: Evidence, f: FittedModel, effect: str) -> str:

@@ -119,6 +119,8 @@ class ValidationTests:
         where the proposal's own is not told, that of a step on the way.
         """
         before, after, evidence = self.left(self.base), self.left(self.final), self.evidence
+        if self.motion.settles(self.base, self.final):
+            return ""
         steps = self.steps()[1:-1] if after is None else ()
         after = next((left for f in reversed(steps) if (left := self.left(f)) is not None), after)
         risen = before is not None and after is not None and evidence.rises(before, after, self.criteria.worse)
@@ -161,6 +163,17 @@ class ValidationTests:
             return True
         known = float(np.sqrt(np.mean(force.residual_as_written(final.model, known=True)))) / force.training.effort
         return 100.0 * known < HALF * self.percent
+
+    @property
+    def of_steps(self) -> bool:
+        """Whether all that a proposal leaves are the steps that a sensor shows: within half of one, and found to follow
+        from no function of the motion. While a motion creeps from step to step, that error goes on, and is no force.
+        """
+        if not self.names or not self.evidence.near_noise(self.final):
+            return False
+        sides = zip(self.final.left, self.dataset.problem.noise, self.dataset.problem.quanta, strict=True)
+        odd = [(one, one.over_noise * noise, step) for one, noise, step in sides if one.structured]
+        return all(rms <= step / 2.0 and one.dependent <= self.criteria.dependent for one, rms, step in odd)
 
     @property
     def follows(self) -> bool:

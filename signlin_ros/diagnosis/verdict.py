@@ -140,7 +140,7 @@ def reason_of(tests: ValidationTests, conflict: str = "") -> str:
         return "structure" if ((large or tests.flexible.visible) and not noise) or more else ""
     if tests.dataset.plant.closed_loop and tests.evidence.near_noise(tests.final):
         return ""  # where a servo sticks, the steps of its encoder are no noise that could be tested
-    noise = tests.evidence.leaves_noise(tests.final)
+    noise = tests.evidence.leaves_noise(tests.final) or tests.of_steps
     near = tests.evidence.near_any_noise(tests.final)
     if tests.names and not near and (noise or tests.percent is None):
         told = not tests.little_motion or (tests.carries_over and not tests.elsewhere)

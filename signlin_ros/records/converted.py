@@ -23,6 +23,9 @@ Array = npt.NDArray[np.float64]
 
 MAX_SI_VALUE = 1e15
 """Larger values, in SI units, are no measurements; squares of sums of them would overflow."""
+NO_VALUE, CODE_DIGITS = (9.91e37, 9.9e37, 3.4028235e38, 1.7976931348623157e308), 1e-4
+"""Numbers that stand for no value, and how exactly: not a number and infinity of instruments [IEEE 488.2 and SCPI 1999,
+7.2.1], the largest number of a memory that was never written."""
 SMALLEST = 1e-30
 """Smaller values are none either: no sensor resolves them, and their squares underflow."""
 
@@ -43,6 +46,7 @@ def converted(
         values[name], unit_of[name] = units.scaled(signal.values, how[0]), how[1]
         if how[0] != 1.0:
             notes.append(Note(f"{name} is converted from {unit} to {how[1]}", "converted", name))
+        values[name] = _without_codes(name, signal.values, values[name], notes)
         _check_size(record, name, signal, values[name])
         values[name] = _without_tiny(name, values[name], unit_of[name], notes)
         if unit and units.kind(wanted.split(" or ")[0]) == "linear":
@@ -118,6 +122,16 @@ def _check_size(record: Record, name: str, signal: Signal, values: Array) -> Non
         where = f"{record.source}: {record.where(int(large[0]))}, column {signal.label or name!r}"
         allowed = f"up to {MAX_SI_VALUE:g} in size; leave the cell empty where a sample is missing"
         raise RecordError(f"{where}: {signal.values[large[0]]:g} is no measurement; allowed: {allowed}")
+
+
+def _without_codes(name: str, raw: Array, values: Array, notes: list[Note]) -> Array:
+    """The values with what instruments write where there is none left out: it says so by a number."""
+    coded = np.any([np.abs(np.abs(raw) / code - 1.0) < CODE_DIGITS for code in NO_VALUE], axis=0)
+    if not coded.any():
+        return values
+    said = f"{name}: {int(coded.sum())} values are {raw[coded][0]:.3g}, which stands for none: missing samples"
+    notes.append(Note(said, "nothing", name))
+    return np.where(coded, np.nan, values)
 
 
 def _without_tiny(name: str, values: Array, unit: str, notes: list[Note]) -> Array:

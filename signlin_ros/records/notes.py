@@ -23,7 +23,7 @@ filled         missing samples of an input hold the value before them
 started        the record is taken from where its inputs begin
 derived        a channel was computed from another one: a velocity from a position
 missing        a channel holds no sample, a topic no message
-nothing        values smaller than any measurement were taken as 0
+nothing        values smaller than any measurement were taken as 0, numbers that stand for none as missing
 undefined      a formula has no value in some rows: it divides by zero
 format         how the file was taken: a preamble, a row of units, decimal commas, no header
 =============  =====================================================================================

@@ -23,7 +23,7 @@ from signlin_ros.diagnosis.dataset import Dataset
 from signlin_ros.diagnosis.equation_error.flexible import Curve
 from signlin_ros.diagnosis.evidence import Evidence
 from signlin_ros.diagnosis.family import FamilyChoice
-from signlin_ros.diagnosis.output_error import FitCache, FittedModel
+from signlin_ros.diagnosis.output_error import FitCache, FittedModel, OutputErrorEstimator
 from signlin_ros.diagnosis.output_error.score import elsewhere, gain, told_change
 from signlin_ros.diagnosis.parts import without_untold
 from signlin_ros.diagnosis.selection import Selection, select_model
@@ -154,6 +154,9 @@ class Motion:
 
     def certainty(self, before: Fit, after: Fit) -> float:
         return self.gain(before, after).certainty
+
+    def settles(self, before: Fit, after: Fit) -> bool:
+        return OutputErrorEstimator.settles(self, before, after)
 
 
 def force_witness(

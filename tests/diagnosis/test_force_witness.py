@@ -431,3 +431,21 @@ def test_a_dead_zone_that_is_there_leaves_no_force():
     )
     assert without > 1.5
     assert with_it < 0.1 * without
+
+
+@pytest.mark.parametrize(("weight", "level", "rate"), [(100.0, 15.0, 6.0), (150.0, 20.0, 12.0)])
+def test_friction_beside_a_weight_is_named_though_it_is_a_small_part_of_all_that_is_missing(weight, level, rate):
+    """A weight is nearly all that is missing; friction is not the same both ways, so three laws leave more than
+    noise."""
+
+    def joint(q: Array, v: Array) -> Array:
+        ahead = v > 0
+        friction = level * np.where(ahead, 1.2, 0.8) * np.sign(v) + rate * np.where(ahead, 1.3, 0.7) * v
+        return np.asarray(-weight * np.sin(q) - friction)
+
+    found = from_equation_error(joint, turns=2.0)
+    assert set(found.effects) == {"gravity_load", "coulomb_friction", "asymmetric_viscous_friction"}
+    assert found.values(found.fit, "gravity_load")["A"] == pytest.approx(weight, rel=0.02)
+    assert found.values(found.fit, "coulomb_friction")["mu"] == pytest.approx(level, rel=0.15)
+    noise = math.sqrt(found.search.r.unseen.noise) / found.search.r.unseen.effort
+    assert found.percent() > 250.0 * noise

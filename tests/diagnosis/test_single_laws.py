@@ -72,6 +72,23 @@ def test_a_loop_that_hardens_is_told_alone(variant):
 
 
 @pytest.mark.long
+@pytest.mark.parametrize(
+    ("group", "index", "seed"),
+    [
+        pytest.param("catalogue", 64, 1, id="a gain that training data tell nothing of an inductance beside"),
+        pytest.param("catalogue", 4, 2, id="a motion that creeps from step to step of its encoder"),
+        pytest.param("catalogue", 23, 1, id="a wave whose order two laws show"),
+        pytest.param("single", 13, 69, id="friction whose level rises for that of a real one"),
+        pytest.param("single", 15, 69, id="friction that leaves a base which no force is right about"),
+        pytest.param("single", 0, 69, id="a play with minima around the one that breeding finds"),
+    ],
+)
+def test_a_law_is_told_alone_where_another_minimum_or_a_rise_by_chance_hid_it(group, index, seed):
+    found = judge(run(Task(group, index, seed)))
+    assert (found["right"], found["several"]) == (True, False)
+
+
+@pytest.mark.long
 @pytest.mark.parametrize("index", range(len(ENTRIES)), ids=[" ".join(filter(None, e)) for e in ENTRIES])
 def test_no_law_alone_is_told_as_several(index):
     assert not scored(index)["several"]

@@ -1038,3 +1038,15 @@ def test_what_an_observer_is_left_nothing_of_is_no_fault():
     sources = ("voltage", "speed", "load", "dry friction")
     found = LinearPrediction(("speed",), sources, grams, np.ones(1), 1000, {"load": "", "dry friction": "speed"})
     assert found.left() == pytest.approx(np.sqrt(3.6))
+
+
+def test_a_unit_that_one_of_two_files_contradicts_holds_for_the_other_alone() -> None:
+    model, data = motor()
+    first = replace(with_channel(data, "speed", data.measured["speed"] * 30 / np.pi), source="a.csv")
+    findings = check(model, [first, replace(data, source="b.csv")])[1]
+    (told,) = [f for f in findings if f.check == "unit_or_sign"]
+    assert (told.source, told.cure) == ("a.csv", "speed_in_rpm")
+    assert "not so in b.csv" in told.sentence
+    cured = check(model, [first, replace(data, source="b.csv")], ("speed_in_rpm",))[0]
+    for one in cured:
+        np.testing.assert_allclose(one.measured["speed"], data.measured["speed"])

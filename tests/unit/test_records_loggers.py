@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from signlin_ros.errors import RecordError
-from signlin_ros.records import read_record
+from signlin_ros.model import Model
+from signlin_ros.records import read_for_model, read_record
 
 ROWS = [(0.005 * k, 0.1 * k, 2.0 - 0.01 * k) for k in range(40)]
 """Time in s, and two signals."""
@@ -53,6 +54,47 @@ def test_loggers_that_write_no_plain_table(name: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(np.diff(record.t), 0.005, atol=1e-9)
     for column, signal in zip(np.array(ROWS).T[1:], ("a", "b"), strict=True):
         np.testing.assert_allclose(record.signals[record.require(signal)].values, column, atol=1e-9)
+
+
+PARTS = {
+    "nested.jsonl": ("\n".join(f'{{"t": {t}, "m": {{"a": {a}, "q": [0, {b}]}}}}' for t, a, b in ROWS), "m.a", "m.q[1]"),
+    "lists.csv": ("t,m,s\n" + "\n".join(f'{t},"[{a}, {b}]",x' for t, a, b in ROWS) + '\n0.2,"[1.0"', "m[0]", "m[1]"),
+    "blanks.csv": ("t,m\n" + "\n".join(f'{t},"[{a} {b}]"' for t, a, b in ROWS), "m[0]", "m[1]"),
+    "groups.csv": ("t,a,b\n" + "\n".join(f'"{t}","{1e4 * a:,.3f}","{b:.3f}"' for t, a, b in ROWS), "1e-4 * a", "b"),
+}
+"""What holds parts, or numbers in groups of three; and where the signals stand in it."""
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_values_in_parts(name: str, tmp_path: Path) -> None:
+    file = tmp_path / name
+    text, *columns = PARTS[name]
+    file.write_text(text)
+    record = read_record(file)
+    assert len(record) == 40
+    for column, want in zip(columns, np.array(ROWS).T[1:], strict=True):
+        factor, _, key = column.rpartition(" * ")
+        got = float(factor or 1.0) * record.signals[record.require(key)].values
+        np.testing.assert_allclose(got, want, atol=1e-9)
+
+
+def test_a_number_in_groups_without_a_decimal_sign_stays_a_question(tmp_path: Path) -> None:
+    file = tmp_path / "whole.csv"
+    file.write_text("t,a\n" + "\n".join(f'{t},"{k},000"' for k, (t, _, _) in enumerate(ROWS, 1)))
+    with pytest.raises(RecordError, match="not a number"):
+        read_record(file)
+
+
+@pytest.mark.parametrize("code", ["9.91E+37", "-3.40282347e+38", "1.7976931348623157e308"])
+def test_numbers_that_stand_for_none_are_missing_samples(code: str, tmp_path: Path) -> None:
+    rows = [f"{t},{a},{code if k == 7 else b}" for k, (t, a, b) in enumerate(ROWS)]
+    file = tmp_path / "codes.csv"
+    file.write_text("t,force,velocity [mm/s]\n" + "\n".join(rows))
+    data = read_for_model(
+        file, Model.from_dict({"plant": "mass_spring_damper", "parameters": {"m": 1.0, "c": 1.0, "k": 1.0}})
+    )
+    assert np.flatnonzero(np.isnan(data.measured["velocity"])).tolist() == [7]
+    assert [note for note in data.notes if "stands for none: missing samples" in note]
 
 
 def test_a_line_beyond_any_limit_is_refused_with_its_place(tmp_path: Path) -> None:

@@ -214,7 +214,8 @@ class SubsetSearch:
         free, shown = self.r.laws[name].free(dict(f.members)[name]), self.r.criteria.each * self.base.error
         if not self._told(f, name) or not self.worth(f, self.without(f, name), free):
             return False
-        return all(self.worth(f, g, free) and g.error - f.error > shown for g in self._simpler(f, name))
+        simpler = self._simpler(f, name)
+        return all(self.worth(f, g, free) and (g.error - f.error > shown or self._most(f, g)) for g in simpler)
 
     def _told(self, f: RegressionFit, name: str) -> bool:
         """Tell whether the level of a law is known, its parameters are possible, and the records show what it is."""
@@ -225,12 +226,17 @@ class SubsetSearch:
 
     def worth(self, f: RegressionFit, reference: RegressionFit, free: int, whole: bool = False) -> bool:
         """Tell whether a fit takes away a sure and visible part of a simpler one's validation error, and of all that is
-        missing where more than noise is left: a small part beside that has no name, but one more wave (``whole``).
+        missing where more than noise is left: a small part beside that has no name, but one more wave (``whole``), or
+        what takes away most of what was left: beside a weight all friction is a small part.
         """
         c, gone = self.r.criteria, reference.error - f.error
-        clean = whole or f.error < c.sees**2 * self.r.unseen.noise
+        clean = whole or f.error < c.sees**2 * self.r.unseen.noise or self._most(f, reference)
         large = gone > c.each * max(free * reference.error, 0.0 if clean else self.base.error)
         return large and self.r.surely(f, reference) >= c.certainty
+
+    def _most(self, f: RegressionFit, reference: RegressionFit) -> bool:
+        """Tell whether a fit takes away most of what another one leaves of validation data."""
+        return f.error < self.r.criteria.part * reference.error
 
     def level(self, f: RegressionFit, name: str) -> float:
         """Return by how many standard errors a law is from nothing: by what tells it from simpler ones, or by all."""

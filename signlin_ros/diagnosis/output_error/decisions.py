@@ -66,9 +66,18 @@ class Decisions:
         freed = 0.0 if further or rises else max(before.prior_distance - after.prior_distance, 0.0)
         if certainty * abs(certainty) + freed < c.certainty**2:
             return told_change(certainty, c.certainty)
-        if g.worsens(c.worse, c.alike):
+        if g.worsens(c.worse, c.alike) and not self.settles(before, after):
             return "the error of a channel rises"
         return after.insignificant(c) or self._elsewhere(after)
+
+    def settles(self, before: FittedModel, after: FittedModel) -> bool:
+        """Tell whether a model leaves nothing but tested noise of the training data, where another does not, and
+        follows validation data as well: by how much it errs more in a channel is then what its parameters are uncertain
+        by, or chance, and speaks for neither.
+        """
+        noise = self.problem.noise, self.unseen.noise
+        there = elsewhere(after.training_squares, after.validation_squares, *noise, self.criteria.near)
+        return after.clean and not before.white and not there and after.level < before.level
 
     def _elsewhere(self, f: FittedModel) -> str:
         """Return which force has no shape of its own where the records were: a limit that was always passed; unless all

@@ -132,7 +132,7 @@ class OutputErrorEstimator(Decisions):
         """Return a fit with all that is told of it, or the best of its class, if that is another one."""
         mine = self._told(found.fit, found.low)
         known = self.cache.best.get(mine.kind)
-        if known is None or self._errs_less(mine, known):
+        if known is None or self._preferred(mine, known):
             self.cache.best[mine.kind] = mine
             self.progress.seen(mine)
         return self.cache.best[mine.kind]
@@ -158,6 +158,15 @@ class OutputErrorEstimator(Decisions):
     def _errs_less(self, one: FittedModel, other: FittedModel) -> bool:
         """Tell whether a fit errs less than another one on the training data."""
         return level(one.training_squares, self.problem.noise) < level(other.training_squares, self.problem.noise)
+
+    def _preferred(self, mine: FittedModel, known: FittedModel) -> bool:
+        """Tell whether a fit takes the place of another of its class: it errs less on what both were fitted to, or has
+        the values of a real thing, unlike that one, and errs not surely more.
+        """
+        noise = self.problem.noise
+        falls = level(known.training_squares, noise) - level(mine.training_squares, noise)
+        real = bool(known.implausible) - bool(mine.implausible)
+        return falls + real * self.criteria.certainty**2 / self.problem.samples > 0.0
 
     def fitted(self, effects: Sequence[str], start: Model | None = None) -> FittedModel:
         """Return the best fit of these effects beside the base parameters: from the values of ``start``, if it has all
@@ -287,8 +296,22 @@ class OutputErrorEstimator(Decisions):
         parts = CandidateParts.of(f).without(key)
         candidates = [parts.extended(use.type, point).candidate(self.problem) for point in points]
         plain = {n: v for n, v in f.parameters().items() if not n.startswith(f"{key}.")}
-        again = self._lower(f, [(c, c.start(plain)) for c in candidates])
+        starts = [(c, c.start(plain)) for c in candidates]
+        if not EFFECTS[use.type].plausible(use.parameters):
+            return self._real(found, starts)
+        again = self._lower(f, starts)
         return self._nearby(again) if again and again.level < found.level else found
+
+    def _real(self, found: Minimum, starts: Sequence[tuple[Candidate, Array]]) -> Minimum:
+        """Return the best of some starts gone on with to the end, where that errs less than a fit, or not surely more
+        with the values of a real thing: one law may imitate another with values that it has not.
+        """
+        every = [one for one in self.each(lambda start: self._settled(*start), starts) if one]
+        best = min(every, key=attrgetter("level"), default=found)
+        use = best.fit.fitted().effects[next(reversed(best.fit.candidate.label))]
+        margin = self.criteria.certainty**2 / self.short.samples
+        real = EFFECTS[use.type].plausible(use.parameters)
+        return best if best.level < found.level + (margin if real else 0.0) else found
 
     def _around(self, found: Minimum) -> FittedModel:
         """Keep a fit, and fit those that lack one of its effects from where it arrived, if that leads further down; and
@@ -299,12 +322,22 @@ class OutputErrorEstimator(Decisions):
             one = other.fit.candidate
             if not set(one.label) < set(c.label) or len(c.label) != len(one.label) + 1:
                 continue
-            again = self._lower(other.fit, [(one, one.start(found.fit.parameters()))])
+            again = self._lower(other.fit, self._smaller(found.fit, one))
             best = self._keep(self._nearby(again)) if again else other
             if self._errs_less(best, mine):
                 better = self._lower(found.fit, [(c, c.as_without(best.fit.parameters(), best.kind))])
                 mine = self._keep(self._nearby(better)) if better else mine
         return mine
+
+    def _smaller(self, f: Fit, c: Candidate) -> list[tuple[Candidate, Array]]:
+        """Return where a candidate that lacks one of a fit's effects starts from that fit: with its orders of waves,
+        too, which are no coordinates.
+        """
+        points = [c]
+        extra = [key for key in f.candidate.label if key not in c.label and key in f.candidate.model.effects]
+        if any(EFFECTS[use.type].periodic for key, use in c.model.effects.items() if key in c.label):
+            points += [CandidateParts.of(f).without(key).candidate(self.problem) for key in extra]
+        return [(one, one.start(f.parameters())) for one in points]
 
     def _lower(self, f: Fit, points: Sequence[tuple[Candidate, Array]]) -> Minimum | None:
         """Return the best of some points gone on with to the end, if a few steps lead further down than from a fit."""

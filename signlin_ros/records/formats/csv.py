@@ -51,6 +51,8 @@ MOST_NAMED = 3
 _NUMBER_PATTERN = r"^[-+]?\d*{}\d+(?:[eE][-+]?\d+)?$"
 _WITH_COMMA, _WITH_POINT = (re.compile(_NUMBER_PATTERN.format(mark), re.MULTILINE) for mark in (",", r"\."))
 _THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")
+_GROUPED = re.compile(r"[-+]?[1-9]\d{0,2}(?:,\d{3})+\.\d+")
+"""A number in groups of three that has a decimal point, too: without one a comma may be the decimal sign."""
 _MAX_WHOLE = 2.0**53
 """Whole numbers beyond this are no doubles: they are read as integers, and counted from the first."""
 
@@ -343,6 +345,8 @@ def _with_units(found: Sequence[str], comma: bool) -> tuple[str, Array] | None:
 def _number(cell: str, comma: bool) -> float:
     if "_" in cell:
         raise ValueError(cell)
+    if not comma and _GROUPED.fullmatch(cell):
+        cell = cell.replace(",", "")
     return float(cell.replace(",", ".") if comma else cell)
 
 

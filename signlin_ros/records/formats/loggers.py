@@ -8,14 +8,17 @@ Each is known by what stands at its beginning. What comes out is a table with na
 - TwinCAT Scope: keys and values by channel, then time and value by channel.
 - CODESYS and ctrlX traces: ``[key]; [value]``, then time and value in a block for each variable.
 - Rigol (X, CH1, ..., Start, Increment), Tektronix TDS (keys in the first columns, beside the samples).
-- ``t:0.005, u:1.2`` and ``{"t": 0.005, "u": 1.2}``: a name before every value.
+- ``t:0.005, u:1.2`` and ``{"t": 0.005, "m": {"u": 1.2}}``: a name before every value; ``m.u`` of objects in objects.
+- Tables whose cells hold lists, ``"[0.1, 0.2]"``, as data frames of robots are written: ``q[0]``, ``q[1]``.
 """
 
 from __future__ import annotations
 
+import csv
 import json
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -36,6 +39,7 @@ _LABELLED = re.compile(
 )
 _FIRST = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)[,;\s]+(?=[A-Za-z_])")
 _PAIRS = re.compile(r"[,;\s]*")
+_LISTS = re.compile(r'^[^"\[{]+\n(?:[^\n"]*[,;\t])?"\[\s*[-+.\d]')
 LABEL_LINES = 50
 """Lines that tell whether values have labels."""
 VOLTS = ("volt", "volts", "v")
@@ -58,6 +62,8 @@ def plain(text: str) -> Plain | None:
         return _rigol(text.split("\n"))
     if first.startswith("Record Length,") and len(first.split(",")) >= 5:
         return _tektronix(text.split("\n"))
+    if _LISTS.search(text[:4000]):
+        return _listed(text)
     return _labelled(text)
 
 
@@ -302,10 +308,44 @@ def _json(line: str) -> dict[str, float] | None:
         row = json.loads(line)
     except ValueError:
         return None
-    if not isinstance(row, dict):
+    return dict(_leaves(row)) or None if isinstance(row, dict) else None
+
+
+def _leaves(value: Any, name: str = "") -> Iterator[tuple[str, float]]:
+    """Yield the numbers of what JSON holds: ``motor.u`` of an object in another one, ``q[0]`` of a list."""
+    if isinstance(value, dict):
+        for key, one in value.items():
+            yield from _leaves(one, f"{name}.{key}" if name else str(key))
+    elif isinstance(value, list):
+        for k, one in enumerate(value):
+            yield from _leaves(one, f"{name}[{k}]")
+    elif isinstance(value, (int, float)) and not isinstance(value, bool):
+        yield name, float(value)
+
+
+# -------------------------------------------------------------------- lists in cells
+
+
+def _listed(text: str) -> Plain | None:
+    """Return a table some cells of which hold lists of numbers, ``"[0.1, 0.2]"``, with a column for each of these."""
+    head, *rows = [row for row in csv.reader(text.split("\n")) if row]
+    if not rows or len(rows[0]) != len(head):
         return None
-    numbers = {str(k): v for k, v in row.items() if isinstance(v, (int, float)) and not isinstance(v, bool)}
-    return {k: float(v) for k, v in numbers.items()} or None
+    lists = [k for k, cell in enumerate(rows[0]) if cell.strip().startswith("[")]
+    sizes = {k: len(_numbers_in(rows[0][k])) for k in lists}
+    names = [f"{name}[{i}]" if k in sizes else name for k, name in enumerate(head) for i in range(sizes.get(k, 1))]
+    lines = [",".join(map(_quoted, names))]
+    for row in rows:
+        cells = [_numbers_in(cell) if k in sizes else [_quoted(cell)] for k, cell in enumerate(row)]
+        good = len(row) == len(head) and all(len(cells[k]) == sizes[k] for k in lists)
+        lines.append(",".join(c for cell in cells for c in cell) if good else "")
+    lost = lines.count("")
+    told = f"lists in cells, a column for each value: {', '.join(head[k] for k in lists)}"
+    return "\n".join(lines), Note(told + (f"; {lost} rows of other lengths are left out" if lost else ""), "format")
+
+
+def _numbers_in(cell: str) -> list[str]:
+    return [part for part in re.split(r"[\s,;]+", cell.strip().strip("[]()")) if part]
 
 
 __all__ = ["plain"]

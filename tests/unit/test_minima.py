@@ -1,0 +1,121 @@
+"""Which of several minima of a fit is taken, and what a rise of a channel's error says."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA
+from signlin_ros.diagnosis.output_error import OutputErrorEstimator, fitting
+from signlin_ros.diagnosis.output_error.score import level
+from signlin_ros.diagnosis.validation import ValidationTests
+
+NOISE = np.ones(2)
+SAMPLES = 1000
+
+
+def estimator() -> Any:
+    side = SimpleNamespace(noise=NOISE, samples=SAMPLES)
+    return SimpleNamespace(problem=side, unseen=side, criteria=DEFAULT_CRITERIA)
+
+
+def fitted(squares: tuple[float, float], clean: bool = True, odd: bool = False, unseen: Any = None) -> Any:
+    known = np.tile(squares, (10, 1))
+    other = known if unseen is None else np.tile(unseen, (10, 1))
+    return SimpleNamespace(
+        training_squares=known,
+        validation_squares=other,
+        level=level(other, NOISE),
+        clean=clean,
+        white=clean,
+        implausible=["lugre_friction"] if odd else [],
+    )
+
+
+# ---------------------------------------------------------------- a channel that errs more
+
+
+def test_a_model_that_leaves_noise_is_not_refused_for_a_channel_that_errs_a_little_more():
+    base, found = fitted((1.0, 300.0), clean=False), fitted((1.0, 1.0), unseen=(1.3, 1.0))
+    assert OutputErrorEstimator.settles(estimator(), base, found)
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        (fitted((1.0, 300.0)), fitted((1.0, 1.0), unseen=(1.3, 1.0))),  # the other leaves noise, too
+        (fitted((1.0, 300.0), clean=False), fitted((1.0, 30.0), clean=False)),  # it leaves more than noise
+        (fitted((1.0, 300.0), clean=False), fitted((1.0, 1.0), unseen=(9.0, 1.0))),  # it is wrong elsewhere
+        (fitted((1.0, 2.0), clean=False), fitted((1.0, 1.9), unseen=(3.0, 1.9))),  # it errs more in all
+    ],
+)
+def test_a_model_is_refused_for_a_channel_that_errs_more_otherwise(before, after):
+    assert not OutputErrorEstimator.settles(estimator(), before, after)
+
+
+# ---------------------------------------------------------------- what a sensor's steps leave
+
+
+def left_of_steps(rms: float, dependent: float, step: float) -> bool:
+    one = SimpleNamespace(over_noise=rms, structured=True, dependent=dependent)
+    final = SimpleNamespace(left=[one], effects=("stribeck_friction",))
+    problem = SimpleNamespace(noise=np.ones(1), quanta=np.array([step]))
+    evidence = SimpleNamespace(near_noise=lambda f: True)
+    j: Any = SimpleNamespace(
+        final=final,
+        names=final.effects,
+        evidence=evidence,
+        dataset=SimpleNamespace(problem=problem),
+        criteria=DEFAULT_CRITERIA,
+    )
+    return bool(ValidationTests.of_steps.fget(j))  # type: ignore[attr-defined]
+
+
+def test_an_error_within_half_a_step_that_follows_from_nothing_is_the_sensors():
+    assert left_of_steps(1.1, -0.001, 12**0.5)
+    assert not left_of_steps(1.1, 0.1, 12**0.5)  # it follows from the motion
+    assert not left_of_steps(1.1, float("nan"), 12**0.5)  # too few samples to tell
+    assert not left_of_steps(2.0, -0.001, 12**0.5)  # more than half a step
+    assert not left_of_steps(1.1, -0.001, 0.0)  # the sensor shows no steps
+
+
+# ---------------------------------------------------------------- which minimum
+
+
+def test_values_of_a_real_thing_are_taken_where_they_err_not_surely_more():
+    estimate, odd, real = estimator(), fitted((1.0, 1.0), odd=True), fitted((1.004, 1.004))
+    worse = fitted((1.02, 1.02))
+    assert OutputErrorEstimator._preferred(estimate, real, odd)
+    assert not OutputErrorEstimator._preferred(estimate, odd, real)
+    assert not OutputErrorEstimator._preferred(estimate, worse, odd)
+    assert not OutputErrorEstimator._preferred(estimate, real, fitted((1.0, 1.0)))
+    assert OutputErrorEstimator._preferred(estimate, fitted((1.0, 1.0)), real)
+
+
+def rugged(x: np.ndarray[Any, Any]) -> float:
+    """Return a cost with a minimum every 0.35 or so, the least at 2."""
+    return float(400.0 * (x[0] - 2.0) ** 2 + 300.0 * (1.0 - np.cos(18.0 * (x[0] - 2.0))))
+
+
+def downhill(x: np.ndarray[Any, Any], steps: int) -> Any:
+    """Return where a line search ends up in some steps from a point."""
+    for _ in range(8 * steps):
+        around = x + np.linspace(-0.02, 0.02, 41)[:, None] * np.array([1.0, 0.0])
+        x = around[int(np.argmin([rugged(one) for one in around]))]
+    return SimpleNamespace(theta=x, cost=rugged(x), candidate=CANDIDATE, gains=None)
+
+
+CANDIDATE = SimpleNamespace(bounds=(np.array([-5.0, -5.0]), np.array([5.0, 5.0])))
+
+
+def test_minima_around_lead_to_the_lowest(monkeypatch):
+    monkeypatch.setattr(fitting, "fit", lambda problem, c, gains, theta, steps: downhill(theta, steps))
+    monkeypatch.setattr(fitting, "further", lambda problem, f, steps: downhill(f.theta, steps))
+    first = downhill(np.array([0.97, 1.0]), 20)
+    assert first.cost > 300.0
+    problem: Any = None
+    found = fitting._hopped(problem, first, [0], map)
+    assert found.theta == pytest.approx([2.0, 1.0], abs=0.01)
