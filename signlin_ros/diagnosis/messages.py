@@ -260,7 +260,7 @@ def _risen(evidence: Evidence, verdict: Verdict) -> list[str]:
         return []
     k, unit = problem.channels.index(channel), problem.shown(problem.units.get(channel, ""))
     rise = f"from {base.errors[k]:.3g} to {final.errors[k]:.3g} {unit}"
-    why = "what is left of the training data is noise, so that is chance, or what they tell little of"
+    why = "what is left of the training data is noise, so that is chance, or of parameters that they hardly tell"
     return [f"with {listed(verdict.names)} the error of {channel} on validation data rises {rise}: {why}"]
 
 
