@@ -15,11 +15,14 @@ from signlin_ros.diagnosis.rivals import rival
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import InputError, choices, suggest
 from signlin_ros.experiment.setting import MAX_PLANNED_RIVALS, KnownLimits, known_rivals
+from signlin_ros.experiment.sizes import SIZED
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 
 MIN_RIVALS = 3
 """Rivals below which the best of what was rejected is looked at, too."""
+MAX_SIZED_KIN = 2
+"""Laws with a size of interest that are looked at beside the others of their family."""
 NO_EFFECT = "nothing"
 """The name of the rival that adds no effect."""
 
@@ -43,7 +46,19 @@ def open_names(content: Mapping[str, Any]) -> list[str]:
         others = [e["effect"] for e in content["ranking"] if e["status"] == "rejected" and e["parameters"]]
         swapped += [(name,) for name in others[:MIN_RIVALS]]
     new = [s for s in dict.fromkeys(swapped) if s not in fitted and len(set(s)) == len(s)]
-    return ["+".join(effects) for effects in new[: max(MAX_PLANNED_RIVALS - len(fitted), 0)]]
+    new = new[: max(MAX_PLANNED_RIVALS - len(fitted), 0)]
+    beside = _sized_kin(content, [s[0] for s in (*fitted, *new) if len(s) == 1]) if len(named) <= 1 else []
+    return [*("+".join(effects) for effects in new), *beside]
+
+
+def _sized_kin(content: Mapping[str, Any], names: Sequence[str]) -> list[str]:
+    """Return the laws that have a size of interest of the families of some rivals: a simpler one is not confirmed
+    before they lose.
+    """
+    families = {_family(name) for name in names} - {""}
+    there = [e["effect"] for e in content["ranking"] if e["status"] != "not_applicable"]
+    sized = [n for n in there if n in SIZED and _family(n) in families and n not in names]
+    return sorted(sized, key=lambda n: len(EFFECTS[n].pars()))[:MAX_SIZED_KIN]
 
 
 def _by_force(content: Mapping[str, Any]) -> list[str]:

@@ -78,6 +78,8 @@ SMALL: Mapping[str, Mapping[str, Bound]] = {
 """And those that must be so small."""
 
 
+SIZED = frozenset(LARGE) | frozenset(SMALL)
+"""Effects that have a size of interest."""
 FIRST: Mapping[str, tuple[str, ...]] = {"lugre_friction": ("sigma0",)}
 """Which of them is the size that is told, where it is not the first."""
 

@@ -237,6 +237,15 @@ def test_a_law_that_takes_most_of_the_force_away_is_planned_for():
     assert open_names(content) == ["linear_stiffness", "cubic_stiffness"]
 
 
+def test_a_law_with_a_size_of_interest_is_looked_at_beside_a_simpler_one_of_its_family():
+    load = {"effect": "constant_load", "status": "ambiguous", "indistinguishable_from": ["coulomb_friction"]}
+    rows = [{"effect": n, "status": "rejected", "indistinguishable_from": []} for n in
+            ("lugre_friction", "stribeck_friction", "dahl_presliding")]  # fmt: skip
+    fitted = [{"effects": [n]} for n in ("constant_load", "coulomb_friction", "viscous_friction", "play_friction")]
+    content = {"ladder": [{"effects": ["constant_load"]}], "ranking": [load, *rows], "rivals": fitted}
+    assert open_names(content) == ["dahl_presliding", "stribeck_friction"]
+
+
 def test_where_nothing_ties_the_best_of_what_was_rejected_is_looked_at():
     rows = [{"effect": n, "status": "rejected", "indistinguishable_from": [], "parameters": {"x": 1.0}}
             for n in ("linear_stiffness", "hard_stop")]  # fmt: skip
