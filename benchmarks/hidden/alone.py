@@ -45,13 +45,13 @@ def _by_force(data: Any, criteria: Any) -> dict[str, Any]:
     from signlin_ros.diagnosis.equation_error.estimate import estimate_equation_error
 
     found = estimate_equation_error(data.problem, data.unseen, criteria)
-    names, search = found.effects, found.search
+    names = found.effects
     entries = [
         {
             "effect": n,
             "status": "confirmed",
             "parameters": {},
-            "indistinguishable_from": list(search.ties(found.fit, n)),
+            "indistinguishable_from": list(found.ties[n]),
         }
         for n in names
     ]

@@ -447,5 +447,5 @@ def test_friction_beside_a_weight_is_named_though_it_is_a_small_part_of_all_that
     assert set(found.effects) == {"gravity_load", "coulomb_friction", "asymmetric_viscous_friction"}
     assert found.values(found.fit, "gravity_load")["A"] == pytest.approx(weight, rel=0.02)
     assert found.values(found.fit, "coulomb_friction")["mu"] == pytest.approx(level, rel=0.15)
-    noise = math.sqrt(found.search.r.unseen.noise) / found.search.r.unseen.effort
+    noise = math.sqrt(found.validation.noise) / found.validation.effort
     assert found.percent() > 250.0 * noise
