@@ -38,7 +38,7 @@ def _beside(evidence: Evidence, verdict: Verdict) -> str:
     names = sorted(n for n in tried if find_effect(n, "effects").family == FAMILY)
     if not names:
         return ""
-    gain = f"none lowers the error on validation data by {evidence.criteria.certainty:g} standard errors"
+    gain = f"none lowers the error on validation data by {evidence.criteria.min_t:g} standard errors"
     return f"beside {listed(verdict.names)} these records cannot tell {listed(names)}: {gain}"
 
 

@@ -178,7 +178,9 @@ def compare_efforts(model: Model, data: Records, cutoff: float | None = None) ->
     """Return the efforts of records, cut at gaps and without outliers; None where they are not known."""
     records = as_list(data)
     channels = measured_channels(model, records)
-    return Efforts.of(model, [part for r in records for part in pieces(r, channels)[0]], DEFAULT_CRITERIA.noise, cutoff)
+    return Efforts.of(
+        model, [part for r in records for part in pieces(r, channels)[0]], DEFAULT_CRITERIA.max_inertial_noise, cutoff
+    )
 
 
 @one_thread

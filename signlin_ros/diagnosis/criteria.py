@@ -1,4 +1,7 @@
-"""Every number that decides in a diagnosis, in one place: its unit, what it means, and why it is what it is."""
+"""Thresholds of a diagnosis, which `benchmarks/ablation.py` switches off one by one: meaning, unit and reason of each.
+
+Grids, tolerances and limits of a search stand beside their use, each with its reason.
+"""
 
 from __future__ import annotations
 
@@ -7,64 +10,67 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Criteria:
-    """What decides; all is compared on data that no fit saw, unless said otherwise."""
+    """The thresholds; errors are of validation data unless said otherwise, shares and ratios have no unit."""
 
     # ------------------------------------------------------------ what is named
-    certainty: float = 3.5
-    """Standard errors by which an effect lowers the validation error: the best of twenty lowers it by 2 by chance."""
-    least: float = 2.0
-    """Standard errors by which it lowers it on validation data by themselves, where known and validation data together
-    tell."""
-    each: float = 0.02
-    """Least part of the squared force that a law takes away for each parameter, beside none or a simpler law."""
-    coefficient: float = 4.0
-    """Standard errors by which an added level differs from nothing; it may belong to a richer law."""
-    known: float = 0.5
-    """Largest standard error of a shape parameter, as a part of it: to better than half."""
-    worse: float = 2.0
-    """Standard errors by which no channel's error may rise, as soon as that is `alike`."""
-    alike: float = 0.01
-    """Difference of root mean squares, as a part of it, that a printed table does not show."""
-    tie: float = 1.0
-    """Standard errors within which the simpler of two models is taken."""
-    most: int = 3
-    """Most effects that are named together."""
-    beam: int = 4
-    """Sets of laws that the equation-error estimate follows at each step."""
-    waves: float = 3.0
-    """Periods of a wave over the position that a record must hold, where its order is free;"""
-    once: float = 1.0
-    """and where it is known, as of a weight."""
+    min_t: float = 3.5
+    """Least number of its own standard errors by which an effect lowers the validation error: of twenty useless ones
+    the best lowers it by 2 by chance."""
+    min_validation_t: float = 2.0
+    """Least number of standard errors on validation data alone, where training and validation data together decide."""
+    min_share_per_parameter: float = 0.02
+    """Least share of the mean square that a law takes away for each of its parameters, beside none or a simpler law."""
+    min_coefficient_t: float = 4.0
+    """Least number of standard errors by which an added linear parameter differs from zero: it may be a richer's."""
+    max_relative_std: float = 0.5
+    """Largest standard error of a shape parameter over its value: it is known to better than half."""
+    max_rise_t: float = 2.0
+    """Largest number of standard errors by which a channel's error may rise, if by `visible_change` or more."""
+    visible_change: float = 0.01
+    """Relative difference of two RMS errors below which a printed table shows the same number."""
+    tie_t: float = 1.0
+    """Standard errors within which two models tie: the simpler one is taken."""
+    max_effects: int = 3
+    """Largest number of effects that are named together."""
+    beam_width: int = 4
+    """Number of sets of laws that the equation-error estimate follows at each step."""
+    min_periods: float = 3.0
+    """Least number of periods of a wave over the position that a record must hold, where the wave's order is free."""
+    min_turns: float = 1.0
+    """The same where its order is known: of a weight, a whole turn."""
 
     # ------------------------------------------------------------ what is known beforehand
-    far: float = 5.0
-    """Tolerances by which a base parameter may be off before that is told first."""
-    bent: float = 2.5
-    """Tolerances by which a base parameter may move for the sake of a law,"""
-    bent_share: float = 0.05
-    """where it carries at least this part of the effort."""
+    max_tolerances_off: float = 5.0
+    """Tolerances by which a base parameter may differ from its nominal value before that is told first."""
+    max_bent: float = 2.5
+    """Tolerances by which a base parameter may move on account of a law, where its term carries at least
+    `min_bent_share`."""
+    min_bent_share: float = 0.05
+    """Share of the effort (RMS) from which on the term of a base parameter counts for `max_bent`."""
 
     # ------------------------------------------------------------ what can be seen
-    noise: float = 0.0175
-    """Largest noise of the inertial force, as a part of the effort, in the band where forces are compared."""
-    wider: float = 3.0
-    """Times that band, where nothing is found in it."""
-    sees: float = 2.5
-    """Times the sensors' noise that the force left must be, for the equation-error estimate to tell what is in it."""
+    max_inertial_noise: float = 0.0175
+    """Largest noise of the inertial force over the effort (RMS) where forces are compared: it sets the band."""
+    band_widening: float = 3.0
+    """Factor by which that band is widened where no law is found in it."""
+    min_force_over_noise: float = 2.5
+    """Least ratio of the force residual to the sensors' noise (RMS) for the equation error to tell what is in it."""
 
     # ------------------------------------------------------------ what counts as left over
-    near: float = 2.0
-    """Times the sensors' noise beneath which the windows of a model are near it: what is left must be noise then."""
-    dependent: float = 0.02
-    """Part of the squared residual that follows from the model's own motion. Right models leave 0.007 at most."""
-    flexible: float = 3.0
-    """Standard errors by which a flexible curve must lower the unseen force before it is said to leave structure,"""
-    flexible_share: float = 0.05
-    """and the least part of the base model's squared error that it takes away."""
-    part: float = 0.25
-    """Part of the squared force beyond the noise that a proposal may leave, where the motion shows structure."""
-    large: float = 0.05
-    """Part of the effort, or of a channel where none is seen (RMS), from which on what is left is missing."""
+    max_rmse_over_noise: float = 2.0
+    """Ratio of the windowed RMS error to the sensors' noise below which what is left must be tested as noise."""
+    max_dependent_share: float = 0.02
+    """Largest share of the squared residual that follows from the model's own motion; right models leave 0.007."""
+    min_flexible_t: float = 3.0
+    """Standard errors by which a flexible curve lowers the force residual of validation data that has structure."""
+    min_flexible_share: float = 0.05
+    """Least share of the base model's squared force residual that this curve takes away."""
+    max_force_mse_left: float = 0.25
+    """Largest share of the squared force beyond the noise that a proposal may leave where the motion has structure."""
+    max_rmse_left: float = 0.25
+    """Largest share (RMS) of the force, or of a channel's spread, that a proposal leaves untested or beside a loop."""
+    min_missing_share: float = 0.05
+    """Share (RMS) of the effort, of a channel's spread where none is seen, from which on a residual is missing."""
 
 
 DEFAULT_CRITERIA = Criteria()

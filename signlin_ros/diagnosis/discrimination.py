@@ -136,7 +136,7 @@ def _as_good(evidence: Evidence, final: FittedModel, f: FittedModel) -> bool:
     simpler = bool(f.effects) and (len(f.effects), f.size) < (len(final.effects), final.size)
     if not simpler or f.implausible or evidence.raises(final, f) or not evidence.motion.as_good(final, f):
         return False
-    return evidence.motion.certainty(evidence.base, f) >= evidence.criteria.certainty
+    return evidence.motion.certainty(evidence.base, f) >= evidence.criteria.min_t
 
 
 def _better(evidence: Evidence, final: FittedModel, one: RefittedRival) -> bool:
@@ -145,12 +145,12 @@ def _better(evidence: Evidence, final: FittedModel, one: RefittedRival) -> bool:
     if set(one.effects) == set(final.effects) or not one.effects or f.implausible:
         return False
     if (
-        evidence.motion.gain(final, f).worsens(c.worse, c.alike)
+        evidence.motion.gain(final, f).worsens(c.max_rise_t, c.visible_change)
         or _raises(evidence, final, f)
         or _raises(evidence, evidence.base, f)
     ):
         return False
-    return min(evidence.motion.certainty(g, f) for g in (final, evidence.base)) >= c.certainty
+    return min(evidence.motion.certainty(g, f) for g in (final, evidence.base)) >= c.min_t
 
 
 def _raises(evidence: Evidence, before: FittedModel, after: FittedModel) -> bool:
@@ -164,7 +164,7 @@ def _raises(evidence: Evidence, before: FittedModel, after: FittedModel) -> bool
         a is not None
         and b is not None
         and evidence.raises(before, after)
-        and mean_certainty(a, b) <= -evidence.criteria.certainty
+        and mean_certainty(a, b) <= -evidence.criteria.min_t
     )
 
 
@@ -173,8 +173,8 @@ def loses(evidence: Evidence, rival: FittedModel, final: FittedModel) -> bool:
     force.
     """
     certainty = evidence.motion.certainty(rival, final)
-    return certainty >= evidence.criteria.certainty or (
-        certainty >= evidence.criteria.tie and evidence.raises(final, rival)
+    return certainty >= evidence.criteria.min_t or (
+        certainty >= evidence.criteria.tie_t and evidence.raises(final, rival)
     )
 
 

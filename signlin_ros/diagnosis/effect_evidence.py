@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 
 MIN_SHOWN_SAMPLES = 20
 """Samples below which nothing is shown of a direction of motion."""
+MIN_WAVE_SAMPLES = 3 * MIN_SHOWN_SAMPLES
+"""Fewest samples below the cut-off frequency that show a wave by themselves."""
 MAX_WAVE_CUTOFF = 0.8
 """A wave passes the low-pass of the forces up to this part of its cut-off."""
 ALIKE_VARIANCE = 0.02
@@ -138,7 +140,7 @@ def _at(evidence: Evidence, name: str) -> Array:
 def _passing(velocity: Array, wave: Wave, cutoff: float) -> NDArray[np.bool_]:
     """Return at which velocities (N,) a wave passes the low-pass of the forces; all where it hardly does anywhere."""
     slow = np.abs(velocity) * wave.order < MAX_WAVE_CUTOFF * FULL_TURN * cutoff
-    return slow if np.count_nonzero(slow) >= 3 * MIN_SHOWN_SAMPLES else np.ones(velocity.size, dtype=np.bool_)
+    return slow if np.count_nonzero(slow) >= MIN_WAVE_SAMPLES else np.ones(velocity.size, dtype=np.bool_)
 
 
 def _turns(evidence: Evidence) -> bool:

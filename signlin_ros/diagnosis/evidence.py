@@ -75,8 +75,10 @@ class Evidence:
             or (self.percent(own) or 0.0) <= WHOLE_EFFORT
         ):
             return self
-        complete = force.fit.error <= self.criteria.sees**2 * self.noise or motion.base.near(self.criteria.sees)
-        if complete or mean_certainty(given, own) > -self.criteria.certainty:
+        complete = force.fit.error <= self.criteria.min_force_over_noise**2 * self.noise or motion.base.near(
+            self.criteria.min_force_over_noise
+        )
+        if complete or mean_certainty(given, own) > -self.criteria.min_t:
             return self
         told = force.with_laws(force.fit)
         held = {n: told.value(n) for n in force.regression.names if n in told.parameters}
@@ -195,7 +197,7 @@ class Evidence:
     def sees(self, f: FittedModel) -> bool:
         """Tell whether the equation-error estimate can tell what is in the force that a model leaves."""
         left = self.left(f)
-        return left is not None and float(np.mean(left)) > self.criteria.sees**2 * self.noise
+        return left is not None and float(np.mean(left)) > self.criteria.min_force_over_noise**2 * self.noise
 
     def remaining(self, left: Array | None) -> float | None:
         """Return the part of the base model's squared force, beyond the sensors' noise, that is left (blocks,)."""
@@ -207,20 +209,20 @@ class Evidence:
     def explains(self, f: FittedModel) -> bool:
         """Tell whether a model takes away most of a missing force that is seen."""
         part = self.remaining(self.left(f))
-        return part is not None and self.sees(f) and part <= self.criteria.part
+        return part is not None and self.sees(f) and part <= self.criteria.max_force_mse_left
 
     def falls(self, before: FittedModel, after: FittedModel) -> bool:
         """Tell whether a model leaves surely less force than another one, if forces tell."""
         a, b = self.left(before), self.left(after)
-        return a is None or b is None or mean_certainty(a, b) >= self.criteria.certainty
+        return a is None or b is None or mean_certainty(a, b) >= self.criteria.min_t
 
     def raises(self, before: FittedModel, after: FittedModel) -> bool:
         """Tell whether a model leaves more force than another one, beyond doubt, and more than the sensors' noise."""
         a, b = self.left(before), self.left(after)
         if a is None or b is None:
             return False
-        alike = (1 + self.criteria.alike) ** 2 * float(np.mean(a))
-        return float(np.mean(b)) > max(alike, self.noise) and mean_certainty(a, b) < -self.criteria.tie
+        alike = (1 + self.criteria.visible_change) ** 2 * float(np.mean(a))
+        return float(np.mean(b)) > max(alike, self.noise) and mean_certainty(a, b) < -self.criteria.tie_t
 
     def valued(self, f: FittedModel) -> FittedModel:
         """Return the best model with some effects, with the motion's values, right near the noise, or those of the
@@ -244,7 +246,7 @@ class Evidence:
         less = stated is not None and mean_certainty(
             force.residual_as_written(f.model), force.residual_as_written(stated.model)
         )
-        if stated is None or less < self.criteria.certainty or self.rising(f, stated, self.criteria.tie):
+        if stated is None or less < self.criteria.min_t or self.rising(f, stated, self.criteria.tie_t):
             return f
         return min(f, stated, key=both)
 
@@ -278,7 +280,7 @@ class Evidence:
         """Tell whether mean squares (blocks,) rise so that it shows, and by so many standard errors."""
         rise = after - before
         error = float(np.nanstd(rise) / np.sqrt(max(int(np.count_nonzero(np.isfinite(rise))), 1)))
-        shows = np.nanmean(after) > (1.0 + self.criteria.alike) ** 2 * np.nanmean(before)
+        shows = np.nanmean(after) > (1.0 + self.criteria.visible_change) ** 2 * np.nanmean(before)
         return bool(shows and np.nanmean(rise) > times * error)
 
     # ------------------------------------------------------------ what counts as noise of the motion
@@ -289,7 +291,7 @@ class Evidence:
 
     def near_noise(self, f: FittedModel) -> bool:
         """Tell whether a model predicts every channel to about its sensor's noise: completeness can be tested there."""
-        return f.near(self.criteria.near)
+        return f.near(self.criteria.max_rmse_over_noise)
 
     def near_any_noise(self, f: FittedModel) -> bool:
         """Tell whether a model is near the sensors' noise, or leaves noise and errs by about as much over the horizon,
@@ -299,7 +301,7 @@ class Evidence:
             return True
         if not f.clean or _floats(f):
             return False
-        own = self.criteria.near * np.maximum([one.over_noise for one in f.left], 1.0)
+        own = self.criteria.max_rmse_over_noise * np.maximum([one.over_noise for one in f.left], 1.0)
         pairs = ((f.training_squares, self.dataset.problem.noise), (f.validation_squares, self.dataset.unseen.noise))
         return all(bool(np.all(np.sqrt(np.nanmean(squares, axis=0)) < own * noise)) for squares, noise in pairs)
 

@@ -57,7 +57,7 @@ class FamilyChoice:
             richer = [n for n in kin if n not in found.effects and n in evidence.laws]
             options, least, fit = [], np.inf, found.fit
             if richer and found.clean and not self.imposed:
-                least = evidence.motion.soon(fit.candidate, fit.theta) - evidence.criteria.least**2
+                least = evidence.motion.soon(fit.candidate, fit.theta) - evidence.criteria.min_validation_t**2
             for other in self.worth_it(found, name, richer):
                 rest = tuple(n if n != name else other for n in found.effects)
                 one = self._fitted(rest, partial(self._started, found, name, other), least)
@@ -89,7 +89,7 @@ class FamilyChoice:
     @property
     def _shown(self) -> float:
         """A visible part of all the squared force that is missing."""
-        return self.evidence.criteria.each * self.force.base.error
+        return self.evidence.criteria.min_share_per_parameter * self.force.base.error
 
     def _started(self, found: FittedModel, name: str, other: str) -> Model:
         """Return a fitted model with another law in place of one, as the equation-error estimate fitted it alone."""
@@ -106,7 +106,7 @@ class FamilyChoice:
         if not self.imposed:
             return found
         others = [f for names, f in force.sets.items() if f.error < force.fit.error and names in force.sound]
-        best = sorted(others, key=lambda f: f.error)[: self.evidence.criteria.beam]
+        best = sorted(others, key=lambda f: f.error)[: self.evidence.criteria.beam_width]
         better = self.of_one_force(found, [one for one in map(self.simulated, best) if one])
         return better[0] if better else found
 
@@ -115,10 +115,10 @@ class FamilyChoice:
         the force in all its band, beyond doubt or half of what is left, and do not leave more in the low-pass.
         """
         evidence, c, motion = self.evidence, self.evidence.criteria, self.evidence.motion
-        most = found.errors**2 - c.each * motion.base.errors**2
+        most = found.errors**2 - c.min_share_per_parameter * motion.base.errors**2
         visible = [one for one in options if not evidence.raises(found, one) and np.any(one.errors**2 < most)]
         gains = [(one, motion.gain(found, one)) for one in visible if not one.insignificant(c)]
-        halved = [one for one, g in gains if g.share >= HALF and g.certainty >= c.least]
+        halved = [one for one, g in gains if g.share >= HALF and g.certainty >= c.min_validation_t]
         return motion.alike(found, visible) or sorted(halved, key=lambda one: one.level)
 
 

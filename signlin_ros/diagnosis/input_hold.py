@@ -105,10 +105,10 @@ def with_hold(
         return None
     named = [first, *(one for hold in FURTHER_HOLDS if (one := _other(motion, force, hold)) is not None)]
     best = min(named, key=lambda one: one.level)
-    same = 2.0 * criteria.alike * len(c.problem.channels)
+    same = 2.0 * criteria.visible_change * len(c.problem.channels)
     best = first if best.hold == LINEAR and first.level - best.level < same else best
     unseen = gain(held.unseen[held.best](), best.unseen[best.best](), c.unseen.noise)
-    if unseen.certainty < -criteria.worse:
+    if unseen.certainty < -criteria.max_rise_t:
         return None
     if not _better(_again(held, force, best), best, criteria):
         return None
@@ -118,7 +118,7 @@ def with_hold(
 
 
 def _tried(motion: OutputErrorEstimator, force: EquationErrorResult | None, stop: bool = False) -> HoldTrial:
-    """Fit the base and the leading laws with the hold of a estimate; ``stop``: as soon as one leaves but noise."""
+    """Fit the base and the leading laws with the hold of an estimate; ``stop``: as soon as one leaves but noise."""
     gains, problem, base = motion.problem.levels[1], motion.problem, motion.base
     known: dict[Names, Array] = {(): base.training_squares}
     rest: dict[Names, Callable[[], Array]] = {(): lambda: base.validation_squares}
@@ -176,7 +176,7 @@ def _other(motion: OutputErrorEstimator, force: EquationErrorResult | None, hold
 def _better(before: HoldTrial, after: HoldTrial, criteria: Criteria) -> bool:
     """Tell whether the best of a hold is surely, and visibly, better than the best of another."""
     found = gain(before.known[before.best], after.known[after.best], before.motion.problem.noise)
-    sure = found.certainty >= criteria.certainty and not found.worsens(criteria.worse, criteria.alike)
+    sure = found.certainty >= criteria.min_t and not found.worsens(criteria.max_rise_t, criteria.visible_change)
     return sure and bool(np.any(found.ratios <= BETTER))
 
 

@@ -134,12 +134,12 @@ def _unsure(evidence: Evidence, verdict: Verdict) -> str:
         )
         if evidence.sees(verdict.base) and (part is None or part > HALF):
             continue
-        if g.share > HALF and 0.0 < certainty < c.certainty and not g.worsens(c.worse, c.alike):
+        if g.share > HALF and 0.0 < certainty < c.min_t and not g.worsens(c.max_rise_t, c.visible_change):
             found[f.effects[0]] = certainty
     if not found:
         return ""
     names = list(found)[:MAX_UNSURE_EFFECTS]
-    surely = told_change(max(found[n] for n in names), c.certainty, "at most " if len(names) > 1 else "")
+    surely = told_change(max(found[n] for n in names), c.min_t, "at most " if len(names) > 1 else "")
     told = " or ".join(listed([n]) for n in names)
     return f"Too little was recorded to tell what is missing: {told} would take most of it away, but {surely}"
 
@@ -150,7 +150,7 @@ def falls(evidence: Evidence, verdict: Verdict, before: FittedModel, after: Fitt
     a, b = (
         evidence.told_percent(f, force_left(evidence, f, verdict.final)) for f in (before, after)
     )  # what no row shows is not told
-    if a is not None and b is not None and b < (1 - evidence.criteria.alike) * a:
+    if a is not None and b is not None and b < (1 - evidence.criteria.visible_change) * a:
         parts.append(f"the missing force falls from {a:.3g} % to {b:.3g} % {evidence.of_effort}")
     parts = _errors_fall(evidence, before, after, parts)
     return f"on validation data {joined(parts)}" if parts else f"validation data hardly show it{freed(before, after)}"
@@ -159,7 +159,7 @@ def falls(evidence: Evidence, verdict: Verdict, before: FittedModel, after: Fitt
 def _errors_fall(evidence: Evidence, before: FittedModel, after: FittedModel, parts: list[str]) -> list[str]:
     problem, horizon = evidence.dataset.problem, evidence.dataset.horizon
     for name, first, last in zip(problem.channels, before.errors, after.errors, strict=True):
-        if last < (1 - evidence.criteria.alike) * first:
+        if last < (1 - evidence.criteria.visible_change) * first:
             verb, unit = "" if parts else "falls ", problem.shown(problem.units.get(name, ""))
             what = f"the error of {name} over {horizon:.3g} s {verb}from {first:.3g} to {last:.3g} {unit}"
             parts = [*parts, what.rstrip()]
@@ -173,10 +173,10 @@ def remainder(evidence: Evidence, verdict: Verdict) -> str:
         return f" Over {evidence.dataset.horizon:.3g} s, {verdict.imposed:.3g} % of the spread of the force is left."
     if verdict.names and verdict.percent is None:
         return _motion_left(evidence, verdict)
-    if verdict.percent is None or verdict.percent <= evidence.criteria.sees * noise:
+    if verdict.percent is None or verdict.percent <= evidence.criteria.min_force_over_noise * noise:
         return ""
     left, curve = f" What is left is {verdict.percent:.3g} % {evidence.of_effort}", verdict.flexible
-    if curve.visible and curve.percent < (1 - evidence.criteria.alike) * verdict.percent:
+    if curve.visible and curve.percent < (1 - evidence.criteria.visible_change) * verdict.percent:
         if curve.along:
             waves = f"forces that repeat along the way, first of all {curve.along}"
             return f"{left}; with {waves}, {curve.percent:.3g} % would be left."
@@ -255,7 +255,7 @@ def _risen(evidence: Evidence, verdict: Verdict) -> list[str]:
     base, final, problem = evidence.base, verdict.final, evidence.dataset.problem
     if not verdict.names or not evidence.motion.settles(base, final):
         return []
-    channel = evidence.rising(base, final, evidence.criteria.worse)
+    channel = evidence.rising(base, final, evidence.criteria.max_rise_t)
     if not channel:
         return []
     k, unit = problem.channels.index(channel), problem.shown(problem.units.get(channel, ""))

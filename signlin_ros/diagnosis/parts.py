@@ -71,7 +71,7 @@ def _asked(evidence: Evidence, verdict: Verdict, name: str) -> float:
     of the base model's scale too, so that fewer do for one that takes most of what is left without it away.
     """
     most = evidence.motion.gain(verdict.without[name], verdict.final).share > HALF
-    return evidence.criteria.least if most else evidence.criteria.coefficient
+    return evidence.criteria.min_validation_t if most else evidence.criteria.min_coefficient_t
 
 
 def _takes_nothing(evidence: Evidence, verdict: Verdict, without: FittedModel, left: bool) -> bool:
@@ -81,12 +81,12 @@ def _takes_nothing(evidence: Evidence, verdict: Verdict, without: FittedModel, l
     """
     final, base, c = verdict.final, verdict.base, evidence.criteria
     gone = without.errors**2 - final.errors**2
-    shown = gone > c.alike**2 * base.errors**2
+    shown = gone > c.visible_change**2 * base.errors**2
     if left:
-        shown &= final.errors < (1.0 - c.alike) * without.errors
+        shown &= final.errors < (1.0 - c.visible_change) * without.errors
     before, after = force_percent(evidence, without, final), verdict.percent
     most = force_percent(evidence, base, final) or 0.0
-    force = before is not None and after is not None and before**2 - after**2 > (c.alike * most) ** 2
+    force = before is not None and after is not None and before**2 - after**2 > (c.visible_change * most) ** 2
     return not (bool(shown.any()) or force) and (left or not freed(without, final))
 
 

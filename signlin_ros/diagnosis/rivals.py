@@ -44,7 +44,7 @@ def rivals(evidence: Evidence, verdict: Verdict) -> tuple[Rival, ...]:
     """Return the proposal first, then every model that was fitted and that it does not surely beat on validation data,
     least error first: what ties with it, and what was rejected for want of evidence.
     """
-    least = evidence.criteria.certainty
+    least = evidence.criteria.min_t
     best: dict[tuple[str, ...], FittedModel] = {}
     for f in sorted((*evidence.cache.tried, verdict.base), key=attrgetter("level"), reverse=True):
         best[f.kind] = f

@@ -77,7 +77,7 @@ def _stood_for(evidence: Evidence) -> tuple[FittedModel, str]:
         if together is not None:
             return together, ""
     if first is None or not evidence.explains(first):
-        path = evidence.motion.search(evidence.criteria.most, _searched(evidence), partial(_by_itself, evidence))
+        path = evidence.motion.search(evidence.criteria.max_effects, _searched(evidence), partial(_by_itself, evidence))
         evidence.cache.keep(*(f for step in path for f in step))
         return _chosen(evidence, [first] if first else [], path[-1][0])
     found = _best_of(evidence, base, evidence.hidden, rival=first) or base
@@ -113,7 +113,7 @@ def _searched(evidence: Evidence) -> list[str] | None:
     force, share = evidence.force, evidence.percent(evidence.left(evidence.base))
     if force is None or not evidence.sees(evidence.base):
         return None
-    small = share is not None and share < 100.0 * evidence.criteria.large
+    small = share is not None and share < 100.0 * evidence.criteria.min_missing_share
     waves = {n for n, effect in EFFECTS.items() if effect.periodic}  # what passes its band is not all that there are
     names = evidence.hidden | waves | (set() if small and not force.effects else force.helpful)
     return sorted(names & evidence.motion.candidates)
@@ -133,7 +133,7 @@ def _best_of(
     evidence: Evidence, of: FittedModel, names: Iterable[str], rival: FittedModel | None = None
 ) -> FittedModel | None:
     """Return the simplest of the best steps beyond a model, beside a ``rival`` if there is one; None where none is."""
-    if len(of.effects) >= evidence.criteria.most:
+    if len(of.effects) >= evidence.criteria.max_effects:
         return None
     options = evidence.motion.extensions(of, sorted(evidence.motion.candidates.intersection(names)), rival)
     evidence.cache.keep(*options)
@@ -155,7 +155,7 @@ def _chosen(evidence: Evidence, first: Sequence[FittedModel], second: FittedMode
         if set(other.effects) != set(now.effects) and _beyond(evidence, now, other):
             now = other
     g = evidence.motion.gain(now, second)
-    if now is not second and g.certainty >= evidence.criteria.certainty and g.share >= HALF and second.effects:
+    if now is not second and g.certainty >= evidence.criteria.min_t and g.share >= HALF and second.effects:
         told = f"would follow the motion better than {{}}, but {_leaves(second)} more force"
         return now, f"{listed(second.effects)} {told}"
     return now, ""
@@ -188,15 +188,15 @@ def _beyond(evidence: Evidence, now: FittedModel, other: FittedModel) -> bool:
     c, g = evidence.criteria, evidence.motion.gain(now, other)
     if (
         other.level > now.level
-        or g.worsens(c.worse, c.alike)
-        or evidence.rising(now, other, c.tie)
+        or g.worsens(c.max_rise_t, c.visible_change)
+        or evidence.rising(now, other, c.tie_t)
         or evidence.raises(now, other)
     ):
         return False
     if other.clean and evidence.leaves_noise(other) and not now.white:
         return True
-    if g.certainty < c.certainty or not evidence.sees(now):
-        return g.certainty >= c.certainty
+    if g.certainty < c.min_t or not evidence.sees(now):
+        return g.certainty >= c.min_t
     return set(other.effects) - set(now.effects) <= evidence.hidden or evidence.falls(now, other)
 
 
@@ -209,10 +209,12 @@ def _confirmed(evidence: Evidence, force: EquationErrorResult) -> FittedModel | 
     if found is None:
         return None
     stated = evidence.valued(found) if found.insignificant(c) else found
-    known = stated is not found and motion.gain(evidence.base, stated).certainty >= c.certainty
+    known = stated is not found and motion.gain(evidence.base, stated).certainty >= c.min_t
     found = stated if known else found
     g = motion.gain(evidence.base, found)
-    if g.certainty < (0.0 if evidence.explains(found) else c.least) or g.worsens(c.worse, c.alike):
+    if g.certainty < (0.0 if evidence.explains(found) else c.min_validation_t) or g.worsens(
+        c.max_rise_t, c.visible_change
+    ):
         return None
     if not known and found.insignificant(c):
         plain = motion.plainer(found)

@@ -174,7 +174,7 @@ def _by_force(evidence: Evidence, verdict: Verdict, name: str) -> RankingEntry:
     left = f"{b:.3g} %" if b <= WHOLE_EFFORT else "more than all"
     rest = f"{evidence.of_effort} on validation data, the model without it {a:.3g} %"
     why = f"by the force it would leave {left} {rest}"
-    unseen = find_effect(name, "effects").only_beyond and b > (1.0 - evidence.criteria.alike) * a
+    unseen = find_effect(name, "effects").only_beyond and b > (1.0 - evidence.criteria.visible_change) * a
     return (
         RankingEntry(name, "not_excited", why=f"{why}{_beyond(evidence)}")
         if unseen

@@ -110,7 +110,9 @@ class ValidationTests:
     @cached_property
     def loop(self) -> str:
         """The hysteresis of a proposal that leaves more than a quarter of the force (RMS): one loop of its family."""
-        least = max(100.0 * self.criteria.part, self.criteria.sees * self.evidence.noise_percent)
+        least = max(
+            100.0 * self.criteria.max_rmse_left, self.criteria.min_force_over_noise * self.evidence.noise_percent
+        )
         own = [n for n in self.remembers if find_effect(n, "effects").family]
         return own[0] if own and not self.final.clean and max(self.percent or 0, self.imposed or 0) > least else ""
 
@@ -123,8 +125,10 @@ class ValidationTests:
             return ""
         steps = self.steps()[1:-1] if after is None else ()
         after = next((left for f in reversed(steps) if (left := self.left(f)) is not None), after)
-        risen = before is not None and after is not None and evidence.rises(before, after, self.criteria.worse)
-        return evidence.rising(self.base, self.final, self.criteria.worse) or ("the missing force" if risen else "")
+        risen = before is not None and after is not None and evidence.rises(before, after, self.criteria.max_rise_t)
+        return evidence.rising(self.base, self.final, self.criteria.max_rise_t) or (
+            "the missing force" if risen else ""
+        )
 
     @cached_property
     def beside_given(self) -> float:
@@ -134,10 +138,10 @@ class ValidationTests:
     @cached_property
     def no_better(self) -> bool:
         """Whether validation data do not surely show a gain beside the model as given: a refit may not carry over."""
-        if self.beside_given > self.criteria.least:
+        if self.beside_given > self.criteria.min_validation_t:
             return False
         given, final = (self.evidence.as_written(f) for f in (self.motion.given, self.final))
-        return given is None or final is None or mean_certainty(given, final) <= self.criteria.least
+        return given is None or final is None or mean_certainty(given, final) <= self.criteria.min_validation_t
 
     @property
     def remembers(self) -> tuple[str, ...]:
@@ -157,7 +161,7 @@ class ValidationTests:
     def elsewhere(self) -> bool:
         """Whether the model follows validation data far worse than those that it was fitted to: of its force, too."""
         noise, final, force = (self.motion.problem.noise, self.motion.unseen.noise), self.final, self.evidence.force
-        if not elsewhere(final.training_squares, final.validation_squares, *noise, self.criteria.near):
+        if not elsewhere(final.training_squares, final.validation_squares, *noise, self.criteria.max_rmse_over_noise):
             return False
         if force is None or self.percent is None:
             return True
@@ -173,21 +177,21 @@ class ValidationTests:
             return False
         sides = zip(self.final.left, self.dataset.problem.noise, self.dataset.problem.quanta, strict=True)
         odd = [(one, one.over_noise * noise, step) for one, noise, step in sides if one.structured]
-        return all(rms <= step / 2.0 and one.dependent <= self.criteria.dependent for one, rms, step in odd)
+        return all(rms <= step / 2.0 and one.dependent <= self.criteria.max_dependent_share for one, rms, step in odd)
 
     @property
     def follows(self) -> bool:
         """Whether every channel is predicted near its noise, or but for a small part of what it does: else no test of
         what is left shows that it is noise.
         """
-        part = 100.0 * self.criteria.part
+        part = 100.0 * self.criteria.max_rmse_left
         return self.evidence.near_any_noise(self.final) or max(self.unpredicted, default=0.0) <= part
 
     @property
-    def little_left(self) -> bool:
+    def leaves_little_error(self) -> bool:
         """Whether a proposal leaves of every channel no more, beside what the base model does, than a table shows."""
-        beyond = self.final.errors > self.criteria.near * self.motion.unseen.noise
-        less = self.final.errors <= self.criteria.alike * self.base.errors
+        beyond = self.final.errors > self.criteria.max_rmse_over_noise * self.motion.unseen.noise
+        less = self.final.errors <= self.criteria.visible_change * self.base.errors
         return bool(self.names and beyond.any() and np.all(less[beyond]))
 
     def sampled(self) -> FittedModel | None:
@@ -199,14 +203,14 @@ class ValidationTests:
             found = self.motion.acting("centred").fitted(self.names, model.with_options(input_hold="centred"))
         except InputError:
             return None
-        shows = np.any(found.errors < (1.0 - self.criteria.alike) * self.final.errors)
-        return found if shows and self.motion.certainty(self.final, found) >= self.criteria.certainty else None
+        shows = np.any(found.errors < (1.0 - self.criteria.visible_change) * self.final.errors)
+        return found if shows and self.motion.certainty(self.final, found) >= self.criteria.min_t else None
 
     @property
     def of_noise(self) -> bool:
         """Whether the base errs by no more than the noise, and nothing falls visibly, nor is a parameter freed."""
         before, after = self.base.errors**2, self.final.errors**2
-        visible = self.criteria.each * (self.final.size - self.base.size)
+        visible = self.criteria.min_share_per_parameter * (self.final.size - self.base.size)
         within = np.all(before <= self.motion.unseen.noise**2)
         return bool(within and np.all(before - after < visible * before) and not freed(self.base, self.final))
 
@@ -221,10 +225,10 @@ class ValidationTests:
         return bool(little or (not evidence.sees(self.final) and np.all(within)))
 
     @property
-    def little(self) -> bool:
-        """Whether a proposal leaves the larger part of the force that is missing."""
+    def leaves_much_force(self) -> bool:
+        """Whether a proposal leaves more than a quarter of the mean square of the missing force, half of its RMS."""
         part = self.evidence.remaining(self.left(self.final))
-        return bool(self.names) and part is not None and part > self.criteria.part
+        return bool(self.names) and part is not None and part > self.criteria.max_force_mse_left
 
     @property
     def unpredicted(self) -> list[float]:
@@ -232,7 +236,7 @@ class ValidationTests:
         spread.
         """
         scores = self.evidence.row(self.final, None).validation.channels.values()
-        near = self.criteria.near
+        near = self.criteria.max_rmse_over_noise
         far = [s.fit_percent for s in scores if s.rmse_over_noise is None or s.rmse_over_noise > near]
         return [100.0 - fit for fit in far if fit is not None]
 
@@ -248,7 +252,9 @@ class ValidationTests:
     def most(self) -> bool:
         """Whether a proposal leaves most of the effort, beyond the noise, or of the force of an imposed motion."""
         effort = 0.0 if self.percent is None else self.percent**2 - self.evidence.noise_percent**2
-        return bool(self.names) and max(effort, (self.imposed or 0.0) ** 2) > 100.0**2 * self.criteria.part
+        return (
+            bool(self.names) and max(effort, (self.imposed or 0.0) ** 2) > 100.0**2 * self.criteria.max_force_mse_left
+        )
 
     def idle(self) -> bool:
         """Tell whether one of several laws does not surely take away force, where forces tell of it."""
@@ -268,20 +274,22 @@ class ValidationTests:
         before, after = (f.validation_squares.reshape(count, -1, channels) for f in (w.base, self.final))
         folds = unseen.folds or tuple((i,) for i in range(count))
         pairs = (tuple(one[list(fold)].reshape(-1, channels) for one in (before, after)) for fold in folds)
-        return len(folds) > 1 and not any(gain(a, b, unseen.noise).worsens(c.worse, c.alike) for a, b in pairs)
+        return len(folds) > 1 and not any(
+            gain(a, b, unseen.noise).worsens(c.max_rise_t, c.visible_change) for a, b in pairs
+        )
 
     @property
-    def little_motion(self) -> bool:
+    def leaves_much_motion(self) -> bool:
         """Whether a proposal leaves the larger part of what the motion lacks, of validation data or of known ones."""
         known = gain(self.base.training_squares, self.final.training_squares, self.motion.problem.noise)
-        return min(self.motion.gain(self.base, self.final).share, known.share) < 1.0 - self.criteria.part
+        return min(self.motion.gain(self.base, self.final).share, known.share) < 1.0 - self.criteria.max_force_mse_left
 
     def steps(self) -> tuple[FittedModel, ...]:
         """Return the models from the base to the proposal, one effect after the other."""
         steps, c = [self.base], self.criteria
         for k in range(1, len(self.names)):
             part = self._part(self.names[:k])
-            if part.effects and not self.motion.gain(steps[-1], part).worsens(c.worse, c.alike):
+            if part.effects and not self.motion.gain(steps[-1], part).worsens(c.max_rise_t, c.visible_change):
                 steps.append(part)
         return (*steps, *([self.final] if self.names else []))
 

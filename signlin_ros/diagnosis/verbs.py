@@ -64,7 +64,7 @@ def refine(
     **options: Any,
 ) -> Diagnosis:
     """Name up to `MAX_REFINE_EFFECTS` effects together; the last of the notes says why it stopped. See `diagnose`."""
-    found = diagnose(model, data, validation, criteria=replace(criteria, most=MAX_REFINE_EFFECTS), **options)
+    found = diagnose(model, data, validation, criteria=replace(criteria, max_effects=MAX_REFINE_EFFECTS), **options)
     added = len(found.ladder[-1].effects)
     end = "nothing else that is listed lowers the error on validation data beyond doubt"
     end = f"{MAX_REFINE_EFFECTS} effects are the most" if added >= MAX_REFINE_EFFECTS else end

@@ -129,23 +129,28 @@ def reason_of(tests: ValidationTests, conflict: str = "") -> str:
     if tests.most or tests.loop:
         return "structure" if tests.most else "loop"
     if tests.evidence.sees(tests.final):
-        large = not tests.names and max([tests.percent or 0.0, *tests.unpredicted]) > 100.0 * tests.criteria.large
+        large = (
+            not tests.names
+            and max([tests.percent or 0.0, *tests.unpredicted]) > 100.0 * tests.criteria.min_missing_share
+        )
         near = tests.evidence.near_noise(tests.final)
         if large and tests.elsewhere:
             return "elsewhere"
         clean = tests.final.clean and (not large or tests.follows)
         noise = clean or (near and tests.final.white)
-        more = not tests.final.white and (tests.little or near or tests.changing or tests.idle())
-        more = more or (tests.little and tests.little_motion and not tests.final.clean)  # untested is no proof
+        more = not tests.final.white and (tests.leaves_much_force or near or tests.changing or tests.idle())
+        more = more or (
+            tests.leaves_much_force and tests.leaves_much_motion and not tests.final.clean
+        )  # untested is no proof
         return "structure" if ((large or tests.flexible.visible) and not noise) or more else ""
     if tests.dataset.plant.closed_loop and tests.evidence.near_noise(tests.final):
         return ""  # where a servo sticks, the steps of its encoder are no noise that could be tested
     noise = tests.evidence.leaves_noise(tests.final) or tests.of_steps
     near = tests.evidence.near_any_noise(tests.final)
     if tests.names and not near and (noise or tests.percent is None):
-        told = not tests.little_motion or (tests.carries_over and not tests.elsewhere)
+        told = not tests.leaves_much_motion or (tests.carries_over and not tests.elsewhere)
         return "" if told else "elsewhere" if tests.elsewhere else "structure"
-    return "" if noise or tests.within_noise or tests.little_left else "structure"
+    return "" if noise or tests.within_noise or tests.leaves_little_error else "structure"
 
 
 def verdict_of(evidence: Evidence, selection: Selection) -> Verdict:
@@ -176,7 +181,7 @@ def verdict_of(evidence: Evidence, selection: Selection) -> Verdict:
         flexible=t.flexible,
         changing=t.changing,
         loop=t.loop,
-        alone=bool(t.names) and not reason and t.little_motion and t.carries_over,
+        alone=bool(t.names) and not reason and t.leaves_much_motion and t.carries_over,
         worse=t.worse() if reason == "worse" else "",
         beside_given=t.beside_given,
         sampled=sampled,

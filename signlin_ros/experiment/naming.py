@@ -66,7 +66,7 @@ def _by_force(content: Mapping[str, Any]) -> list[str]:
     before = content["ladder"][0].get("missing_force_percent")
     left = {e["effect"]: e.get("missing_force_percent") for e in content["ranking"]}
     told = {n: float(x) for n, x in left.items() if x is not None}
-    most = float(np.sqrt(DEFAULT_CRITERIA.part)) * before if before else 0.0
+    most = float(np.sqrt(DEFAULT_CRITERIA.max_force_mse_left)) * before if before else 0.0
     return sorted((n for n, x in told.items() if x <= most), key=lambda n: told[n])
 
 

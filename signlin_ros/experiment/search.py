@@ -203,7 +203,7 @@ class CommandSearch:
         """Tell whether a command has enough by real refits and by windows of a second run, and every rival comes back
         to itself.
         """
-        seen = one.certainties is not None and float(one.certainties.min(initial=np.inf)) >= DEFAULT_CRITERIA.certainty
+        seen = one.certainties is not None and float(one.certainties.min(initial=np.inf)) >= DEFAULT_CRITERIA.min_t
         return seen and one.least >= RESERVE * ENOUGH and one.back <= RECOVERS * one.least
 
     # ------------------------------------------------------------ the ladder of peaks

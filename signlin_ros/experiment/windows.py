@@ -40,7 +40,8 @@ def seen_in_windows(bench: RivalBench, pairs: Sequence[Pair], t: Array, u: Array
         )
         noise = beyond_noise(b, a, np.full(a.shape[1], clean.t.size), np.ones(a.shape[1]))
         found[k] = max(
-            gain(b, a, problem.noise).certainty, noise * np.sqrt(2.0) if noise > DEFAULT_CRITERIA.least else 0.0
+            gain(b, a, problem.noise).certainty,
+            noise * np.sqrt(2.0) if noise > DEFAULT_CRITERIA.min_validation_t else 0.0,
         )
     return found
 

@@ -106,7 +106,7 @@ class Fit:
         return self.white and self.tested
 
     def far(self, criteria: Any) -> dict[str, float]:
-        return {n: x for n, x in self.away.items() if abs(x) > criteria.far}
+        return {n: x for n, x in self.away.items() if abs(x) > criteria.max_tolerances_off}
 
     def near(self, times: float) -> bool:
         return FittedModel.near(self, times)
@@ -288,7 +288,7 @@ def test_beside_what_is_confirmed_no_printed_error_rises_beyond_its_standard_err
     second = Tail(("coulomb_friction", "input_delay"), (0.3, 1.0), 0.5)
     w = both(Motion(base), force_witness(*LAWS), base, first, second)
     assert second.level < first.level
-    assert not w.rising(first, second, DEFAULT_CRITERIA.worse)
+    assert not w.rising(first, second, DEFAULT_CRITERIA.max_rise_t)
     assert w.rising(first, second, 1.0) == "current"
     assert chosen(force_witness(*LAWS), base, [first], second)[0] is first
 
@@ -320,10 +320,10 @@ class Asking(Motion):
     """A output-error estimate for which a model is a step beyond another one if it is surely better."""
 
     def refused(self, before: Fit, after: Fit) -> str:
-        return "" if self.certainty(before, after) > DEFAULT_CRITERIA.certainty else "no step"
+        return "" if self.certainty(before, after) > DEFAULT_CRITERIA.min_t else "no step"
 
     def as_good(self, best: Fit, other: Fit) -> bool:
-        return self.certainty(other, best) < DEFAULT_CRITERIA.tie
+        return self.certainty(other, best) < DEFAULT_CRITERIA.tie_t
 
 
 def test_of_what_is_as_good_the_one_with_the_fewest_parameters_is_named():
@@ -614,8 +614,8 @@ def test_a_name_that_frees_a_base_parameter_alone_says_which():
 def test_noise_has_a_size_of_its_own_in_every_record():
     squares = [np.full((5, 1), size**2) for size in (3.0, 9.0)]
     same, larger = np.ones(1), np.full(1, 3.0)
-    assert elsewhere(*squares, same, same, DEFAULT_CRITERIA.near)
-    assert not elsewhere(*squares, same, larger, DEFAULT_CRITERIA.near)
+    assert elsewhere(*squares, same, same, DEFAULT_CRITERIA.max_rmse_over_noise)
+    assert not elsewhere(*squares, same, larger, DEFAULT_CRITERIA.max_rmse_over_noise)
 
 
 def test_a_sign_that_is_wrong_goes_before_everything(monkeypatch):
@@ -834,7 +834,7 @@ class Refusing(Motion):
 
     def refused(self, before: Fit, after: Fit) -> str:
         g = self.gain(before, after)
-        return "" if g.certainty >= DEFAULT_CRITERIA.certainty else "too little"
+        return "" if g.certainty >= DEFAULT_CRITERIA.min_t else "too little"
 
     def alike(self, before: Fit, options: list[Fit]) -> list[Fit]:
         good = [f for f in options if not self.refused(before, f)]

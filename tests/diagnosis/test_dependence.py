@@ -53,11 +53,11 @@ def share(record: ModelData) -> float:
 
 
 def test_a_right_model_leaves_what_nothing_predicts():
-    assert share(shaken(lambda q: 0.0, 1)) < DEFAULT_CRITERIA.dependent / 2
+    assert share(shaken(lambda q: 0.0, 1)) < DEFAULT_CRITERIA.max_dependent_share / 2
 
 
 def test_a_square_is_seen_in_what_looks_white():
-    assert share(shaken(lambda q: -2.7e5 * q * q, 2)) > 10 * DEFAULT_CRITERIA.dependent
+    assert share(shaken(lambda q: -2.7e5 * q * q, 2)) > 10 * DEFAULT_CRITERIA.max_dependent_share
 
 
 @pytest.mark.limit("unexplained, as it is, with 4.3 times the noise; 55 s")

@@ -163,7 +163,7 @@ def test_it_stops_when_asked():
 
 def test_criteria_are_arguments():
     found = motion(COULOMB)
-    strict = replace(Criteria(), certainty=1e6)
+    strict = replace(Criteria(), min_t=1e6)
     found = replace(found, criteria=strict)
     assert found.refused(found.base, found.fitted(["coulomb_friction"]))
 

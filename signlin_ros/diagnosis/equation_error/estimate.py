@@ -139,9 +139,9 @@ def estimate_equation_error(
     def below(cutoff: float) -> EquationErrorResult:
         return EquationErrorResult.of(subset_search(known, unseen, cutoff, criteria))
 
-    cutoff = best_cutoff(model, known.parts, criteria.noise)
+    cutoff = best_cutoff(model, known.parts, criteria.max_inertial_noise)
     first = below(cutoff)
-    wide = min(criteria.wider * cutoff, WIDEST / first.training.pieces[0].step)
+    wide = min(criteria.band_widening * cutoff, WIDEST / first.training.pieces[0].step)
     if (first.effects and not first.flexible.visible) or wide < BROADER * cutoff:
         return first
     second = below(wide)
@@ -169,7 +169,7 @@ def _regression(
     current = "current" in model.states and "current" in known[0].values
     base = {**base_of(model, current), "timing": MIN_DIVISOR if model.plant.motion_is_imposed() else MAX_EFFORT_DELAY}
     first, second = (RegressionData.of(model, pieces, list(base)[:-1]) for pieces in (known, unseen))
-    found = laws(model, rotary or first.travel >= criteria.once * 2 * np.pi, known[0].position_measured)
+    found = laws(model, rotary or first.travel >= criteria.min_turns * 2 * np.pi, known[0].position_measured)
     tells = np.any(first.X != 0.0, axis=0)
     tells[-1] = True
     first, second = (replace(side, X=side.X.compress(tells, axis=1)) for side in (first, second))

@@ -203,13 +203,13 @@ def structured(r: Regression, waves: Waves, base: RegressionFit, fit: Regression
     ``base`` model leaves.
     """
     c = r.criteria
-    visible = c.flexible_share * base.error
+    visible = c.min_flexible_share * base.error
     if fit.error <= visible:
         return Curve(False, np.inf)
     left, along = _unseen_after(r, waves, fit)
     flexible = RegressionFit((("flexible", ()),), fit.theta, fit.left, lambda: left)
     large = fit.error - flexible.error > visible
-    return Curve(large and r.surely(flexible, fit) > c.flexible, r.percent(flexible), along)
+    return Curve(large and r.surely(flexible, fit) > c.min_flexible_t, r.percent(flexible), along)
 
 
 def changing(r: Regression, left: Array, own: Mapping[str, Columns] | None = None) -> str:
@@ -225,7 +225,7 @@ def changing(r: Regression, left: Array, own: Mapping[str, Columns] | None = Non
         pairs = zip(unseen.pieces, unseen.split(steady), strict=True)
         after = np.concatenate([_changed(p, part, kind(p)) for p, part in pairs])
         gone = float(np.mean(steady**2) - np.mean(after**2))
-        sure = mean_certainty(unseen.by_block(steady), unseen.by_block(after)) > r.criteria.flexible
+        sure = mean_certainty(unseen.by_block(steady), unseen.by_block(after)) > r.criteria.min_flexible_t
         if gone > MIN_CHANGING_PART * beyond and sure:
             found[gone] = name
     return found[max(found)] if found else ""

@@ -36,13 +36,13 @@ class SubsetSearch:
     def run(self) -> None:
         """Fit sets of laws, in `Criteria.most` steps or until nothing is gained."""
         best = [self._keep(self.r.fitted(()))]
-        for count in range(1, self.r.criteria.most + 1):
+        for count in range(1, self.r.criteria.max_effects + 1):
             before = min(f.trained for f in self.models.values())
             best = self._step(best, count)
             if not best or (count > 1 and min(f.trained for f in best) > MAX_STEP_RATIO * before):
                 break
         rippled = self._rippled(self._choice())
-        if rippled is not None and len(rippled.members) < self.r.criteria.most:
+        if rippled is not None and len(rippled.members) < self.r.criteria.max_effects:
             beside = self._subsets(rippled.members).beside(rippled.members, self._others(rippled), rippled.trained)
             self._fitted(list(beside))
 
@@ -79,14 +79,14 @@ class SubsetSearch:
             self._scan(f)
         subsets = self._subsets(chain.from_iterable(f.members for f in best))
         found = subsets.best(count, min(f.trained for f in best))
-        return self._fitted(found[: 4 * REFINED_BEAMS * self.r.criteria.beam])
+        return self._fitted(found[: 4 * REFINED_BEAMS * self.r.criteria.beam_width])
 
     def _fitted(self, sets: Sequence[tuple[Member, ...]]) -> list[RegressionFit]:
         """Fit some sets, the first of them with their shapes between the points of the grid; return the best."""
-        beam, fits = self.r.criteria.beam, [self.r.fitted(m) for m in sets]
+        beam, fits = self.r.criteria.beam_width, [self.r.fitted(m) for m in sets]
         refined = [self.refined(f) for f in fits[: REFINED_BEAMS * beam]]
         fits = [self._keep(f) for f in (*refined, *fits[REFINED_BEAMS * beam :])]
-        return sorted(fits, key=lambda f: f.trained * (1 + self.r.criteria.each * f.cost))[:beam]
+        return sorted(fits, key=lambda f: f.trained * (1 + self.r.criteria.min_share_per_parameter * f.cost))[:beam]
 
     def _others(self, f: RegressionFit) -> list[str]:
         """Return the laws that may stand beside those of a fit."""
@@ -113,7 +113,7 @@ class SubsetSearch:
     @functools.cached_property
     def waves(self) -> Waves:
         """What tells at which orders a force repeats."""
-        return Waves(self.r.known, self.whole, self.r.model.gear, self.r.criteria.waves)
+        return Waves(self.r.known, self.whole, self.r.model.gear, self.r.criteria.min_periods)
 
     @functools.cached_property
     def _stretch(self) -> tuple[float, float]:
@@ -197,21 +197,26 @@ class SubsetSearch:
     def cancels(self, f: RegressionFit) -> bool:
         """Tell whether laws all but cancel: together they vary by little of what one of them does."""
         laws = [self.r.unseen.columns(self.r.laws[n], z) @ f.theta[f.spans[n]] for n, z in f.members]
-        return len(laws) > 1 and bool(np.var(sum(laws)) < self.r.criteria.part * max(map(np.var, laws)))
+        return len(laws) > 1 and bool(np.var(sum(laws)) < self.r.criteria.max_force_mse_left * max(map(np.var, laws)))
 
     def bends(self, f: RegressionFit) -> bool:
         """Tell whether a fit moves a base parameter that carries force beyond tolerance, and further than the base."""
         c, r = self.r.criteria, self.r
         spread, theta, alone = (x[: r.b - 1] for x in (r.spread, f.theta, self.base.theta))
         moved, before = (np.abs(np.log1p(np.maximum(x, -1 + 1e-12))) / spread for x in (theta, alone))
-        carried = np.abs(theta) * np.sqrt(np.mean(r.unseen.X[:, :-1] ** 2, axis=0)) > c.bent_share * r.unseen.effort
-        return bool(f.members) and bool(np.any((moved > c.bent) & (moved > before + 1.0) & carried & (spread < 0.5)))
+        carried = np.abs(theta) * np.sqrt(np.mean(r.unseen.X[:, :-1] ** 2, axis=0)) > c.min_bent_share * r.unseen.effort
+        return bool(f.members) and bool(
+            np.any((moved > c.max_bent) & (moved > before + 1.0) & carried & (spread < 0.5))
+        )
 
     def needed(self, f: RegressionFit, name: str) -> bool:
         """Tell whether a law's level is known, its parameters are possible, and it takes away a sure and visible part
         of the validation error: of what is left without it; of all that is missing, beside a simpler law of its family.
         """
-        free, shown = self.r.laws[name].free(dict(f.members)[name]), self.r.criteria.each * self.base.error
+        free, shown = (
+            self.r.laws[name].free(dict(f.members)[name]),
+            self.r.criteria.min_share_per_parameter * self.base.error,
+        )
         if not self._told(f, name) or not self.worth(f, self.without(f, name), free):
             return False
         simpler = self._simpler(f, name)
@@ -222,7 +227,7 @@ class SubsetSearch:
         law = self.r.laws[name]
         values = law.parameters(dict(f.members)[name], f.theta[f.spans[name]])
         possible = law.effect.plausible(values) and law.effect.is_met(values, *self._stretch)
-        return possible and self.level(f, name) >= self.r.criteria.coefficient
+        return possible and self.level(f, name) >= self.r.criteria.min_coefficient_t
 
     def worth(self, f: RegressionFit, reference: RegressionFit, free: int, whole: bool = False) -> bool:
         """Tell whether a fit takes away a sure and visible part of a simpler one's validation error, and of all that is
@@ -230,13 +235,13 @@ class SubsetSearch:
         what takes away most of what was left: beside a weight all friction is a small part.
         """
         c, gone = self.r.criteria, reference.error - f.error
-        clean = whole or f.error < c.sees**2 * self.r.unseen.noise or self._most(f, reference)
-        large = gone > c.each * max(free * reference.error, 0.0 if clean else self.base.error)
-        return large and self.r.surely(f, reference) >= c.certainty
+        clean = whole or f.error < c.min_force_over_noise**2 * self.r.unseen.noise or self._most(f, reference)
+        large = gone > c.min_share_per_parameter * max(free * reference.error, 0.0 if clean else self.base.error)
+        return large and self.r.surely(f, reference) >= c.min_t
 
     def _most(self, f: RegressionFit, reference: RegressionFit) -> bool:
         """Tell whether a fit takes away most of what another one leaves of validation data."""
-        return f.error < self.r.criteria.part * reference.error
+        return f.error < self.r.criteria.max_force_mse_left * reference.error
 
     def level(self, f: RegressionFit, name: str) -> float:
         """Return by how many standard errors a law is from nothing: by what tells it from simpler ones, or by all."""
@@ -266,7 +271,7 @@ class SubsetSearch:
     def alike(self, best: RegressionFit, f: RegressionFit) -> bool:
         """Tell whether a fit is as good as a better one on validation data."""
         c = self.r.criteria
-        return self.r.surely(best, f) < c.tie or f.error < (1 + c.alike) ** 2 * best.error
+        return self.r.surely(best, f) < c.tie_t or f.error < (1 + c.visible_change) ** 2 * best.error
 
     def beside(self, f: RegressionFit, name: str) -> tuple[RegressionFit, ...]:
         """Return the sets that have another law in the place of one of a fit's, each from all its shapes."""

@@ -77,7 +77,11 @@ class Subsets:
 
     def _best(self, count: int, size: float) -> Sets:
         sets = self._sets(count, size)
-        rank = self.left(sets, size) / self._size * (1.0 + self.r.criteria.each * self._free[sets].sum(axis=1))
+        rank = (
+            self.left(sets, size)
+            / self._size
+            * (1.0 + self.r.criteria.min_share_per_parameter * self._free[sets].sum(axis=1))
+        )
         order = np.argsort(rank, kind="stable")
         order = order[np.isfinite(rank[order])]
         _, first = np.unique(np.sort(self._law[sets[order]], axis=1), axis=0, return_index=True)

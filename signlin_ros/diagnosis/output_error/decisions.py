@@ -22,7 +22,7 @@ SLOWEST_SHARE = 0.1
 
 
 class Decisions:
-    """What decides between fits of a estimate with `problem` (training data), `unseen` ones and `criteria`."""
+    """What decides between fits of an estimate with `problem` (training data), `unseen` ones and `criteria`."""
 
     problem: Problem
     unseen: Problem
@@ -43,14 +43,16 @@ class Decisions:
         """
         c, known, unseen = self.criteria, self.problem, self.unseen
         blocks = gain(before.validation_squares, after.validation_squares, unseen.noise).certainty
-        if blocks > c.certainty or known.base.plant.closed_loop or after.level > before.level or not after.clean:
+        if blocks > c.min_t or known.base.plant.closed_loop or after.level > before.level or not after.clean:
             return blocks
-        if elsewhere(after.training_squares, after.validation_squares, known.noise, unseen.noise, c.near):
+        if elsewhere(
+            after.training_squares, after.validation_squares, known.noise, unseen.noise, c.max_rmse_over_noise
+        ):
             return blocks
         together = np.array([one.together for one in after.left])
         first = beyond_noise(before.training_squares, after.training_squares, known.counts, together)
         second = beyond_noise(before.validation_squares, after.validation_squares, unseen.counts, together)
-        return max(blocks, float(np.hypot(first, second))) if min(first, second) > c.least else blocks
+        return max(blocks, float(np.hypot(first, second))) if min(first, second) > c.min_validation_t else blocks
 
     def refused(self, before: FittedModel, after: FittedModel) -> str:
         """Return why a model is no step beyond another, empty if it is one.
@@ -62,11 +64,11 @@ class Decisions:
         g, certainty = self.gain(before, after), self.certainty(before, after)
         was = before.far(c)
         further = any(abs(x) > abs(was.get(n, 0.0)) for n, x in after.far(c).items())
-        rises = float(np.mean(np.log(g.ratios))) > c.alike
+        rises = float(np.mean(np.log(g.ratios))) > c.visible_change
         freed = 0.0 if further or rises else max(before.prior_distance - after.prior_distance, 0.0)
-        if certainty * abs(certainty) + freed < c.certainty**2:
-            return told_change(certainty, c.certainty)
-        if g.worsens(c.worse, c.alike) and not self.settles(before, after):
+        if certainty * abs(certainty) + freed < c.min_t**2:
+            return told_change(certainty, c.min_t)
+        if g.worsens(c.max_rise_t, c.visible_change) and not self.settles(before, after):
             return "the error of a channel rises"
         return after.insignificant(c) or self._elsewhere(after)
 
@@ -76,7 +78,7 @@ class Decisions:
         by, or chance, and speaks for neither.
         """
         noise = self.problem.noise, self.unseen.noise
-        there = elsewhere(after.training_squares, after.validation_squares, *noise, self.criteria.near)
+        there = elsewhere(after.training_squares, after.validation_squares, *noise, self.criteria.max_rmse_over_noise)
         return after.clean and not before.white and not there and after.level < before.level
 
     def _elsewhere(self, f: FittedModel) -> str:
@@ -89,7 +91,7 @@ class Decisions:
                 return f"the records lie all beyond {key}"
         if quick := self._quick(f):
             return quick
-        if f.clean and f.near(self.criteria.near):
+        if f.clean and f.near(self.criteria.max_rmse_over_noise):
             return ""
         few = self.few_waves(f)
         return self._away(f) or next((f"{key} has {n:.1f} waves in the record" for key, n in few.items()), "")
@@ -134,7 +136,7 @@ class Decisions:
         way = float(np.ptp(self.problem.stretch))
         orders = {k: use.parameters[n] for k, use in f.added.items() for n in EFFECTS[use.type].periodic[:1]}
         held = {key: order * way / (2 * np.pi) for key, order in orders.items()}
-        return {key: waves for key, waves in held.items() if waves < self.criteria.waves}
+        return {key: waves for key, waves in held.items() if waves < self.criteria.min_periods}
 
     def alike(self, before: FittedModel, options: Sequence[FittedModel]) -> list[FittedModel]:
         """Return the options that are a step beyond a model and as good as the best, the simplest first; with simpler
@@ -153,8 +155,8 @@ class Decisions:
     def as_good(self, best: FittedModel, other: FittedModel) -> bool:
         """Tell whether a model is as good as the best: within a standard error, or what a table shows."""
         g = self.gain(other, best)
-        alike = bool((g.ratios > 1.0 - self.criteria.alike).all())
-        return other is best or g.certainty < self.criteria.tie or alike
+        alike = bool((g.ratios > 1.0 - self.criteria.visible_change).all())
+        return other is best or g.certainty < self.criteria.tie_t or alike
 
 
 def _simpler(one: FittedModel, other: FittedModel) -> bool:

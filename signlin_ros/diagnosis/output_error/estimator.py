@@ -166,7 +166,7 @@ class OutputErrorEstimator(Decisions):
         noise = self.problem.noise
         falls = level(known.training_squares, noise) - level(mine.training_squares, noise)
         real = bool(known.implausible) - bool(mine.implausible)
-        return falls + real * self.criteria.certainty**2 / self.problem.samples > 0.0
+        return falls + real * self.criteria.min_t**2 / self.problem.samples > 0.0
 
     def fitted(self, effects: Sequence[str], start: Model | None = None) -> FittedModel:
         """Return the best fit of these effects beside the base parameters: from the values of ``start``, if it has all
@@ -309,7 +309,7 @@ class OutputErrorEstimator(Decisions):
         every = [one for one in self.each(lambda start: self._settled(*start), starts) if one]
         best = min(every, key=attrgetter("level"), default=found)
         use = best.fit.fitted().effects[next(reversed(best.fit.candidate.label))]
-        margin = self.criteria.certainty**2 / self.short.samples
+        margin = self.criteria.min_t**2 / self.short.samples
         real = EFFECTS[use.type].plausible(use.parameters)
         return best if best.level < found.level + (margin if real else 0.0) else found
 

@@ -159,7 +159,7 @@ class FittedModel:
 
     def far(self, criteria: Criteria) -> dict[str, float]:
         """Return the base parameters that are far from nominal, and by how many tolerances."""
-        return {n: x for n, x in self.off.items() if abs(x) > criteria.far}
+        return {n: x for n, x in self.off.items() if abs(x) > criteria.max_tolerances_off}
 
     @property
     def implausible(self) -> list[str]:
@@ -186,15 +186,15 @@ class FittedModel:
                 return f"{k.name} is at its bound"
             if not k.log or name in effect.neutral or k.name.startswith("sensor_gain"):
                 at[name] = i
-            elif one.std > criteria.known and (not told or name in told):
+            elif one.std > criteria.max_relative_std and (not told or name in told):
                 return f"{k.name} is not known to better than half"
-            elif one.std > 1.0 / criteria.coefficient and name in effect.telling:
+            elif one.std > 1.0 / criteria.min_coefficient_t and name in effect.telling:
                 return f"{k.name} is {1.0 / one.std:.1f} of its own standard errors from nothing"
         tests: list[tuple[int, ...]] = [(at[n],) for n in effect.telling if n in at]
         for index in tests or ([tuple(at.values())] if at else []):
             size = self._together(effect, index)
-            surely = max(size, self.apart(index)) if 1.0 <= size < criteria.coefficient else size
-            if surely < criteria.coefficient:  # nor is the likelihood asked of what its own error swallows
+            surely = max(size, self.apart(index)) if 1.0 <= size < criteria.min_coefficient_t else size
+            if surely < criteria.min_coefficient_t:  # nor is the likelihood asked of what its own error swallows
                 return f"{key} is {surely:.1f} of its own standard errors from nothing"
         return ""
 

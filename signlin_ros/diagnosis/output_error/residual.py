@@ -60,8 +60,8 @@ def left(problem: Problem, f: Fit, criteria: Criteria) -> tuple[ResidualStructur
     found, shares = colours(f.innovations, problem.noise), dependence(problem, f).tolist()
     for channel, one, share, noise in zip(problem.channels, found, shares, problem.noise.tolist(), strict=True):
         over = float(np.sqrt(one.variance) / noise)
-        noisy = ABOUT < over**2 < 1.0 + criteria.dependent
-        structured = lost or (not noisy and (one.structured or share > criteria.dependent))
+        noisy = ABOUT < over**2 < 1.0 + criteria.max_dependent_share
+        structured = lost or (not noisy and (one.structured or share > criteria.max_dependent_share))
         result.append(ResidualStructure(channel, over, share, bool(structured), one.together))
     return tuple(result)
 
