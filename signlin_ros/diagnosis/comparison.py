@@ -128,15 +128,22 @@ class Comparison:
             return None, f"the model was not refitted: {error}"
 
     def to_frame(self) -> Any:
-        """Return the scores as a pandas DataFrame: unit, noise, free-run and windowed RMS error of each channel."""
-        scores = {name: (c.free_run, c.windowed) for name, c in self.channels.items()}
+        """Return RMS errors of each channel as a pandas DataFrame, beside its unit and noise: of the free run, and over
+        the horizon on training and validation data, as given and refitted: the numbers of every diagnosis. Where the
+        model could not be refitted, `without_rows`, ``windowed`` stands in their place.
+        """
         columns: dict[str, Any] = {
             "channel": list(self.channels),
             "unit": [c.unit for c in self.channels.values()],
             "noise": [c.sigma for c in self.channels.values()],
+            "free_run": [_rmse(c.free_run) for c in self.channels.values()],
         }
-        for k, kind in enumerate(("free_run", "windowed")):
-            columns[kind] = [np.nan if s[k] is None else s[k].rmse for s in scores.values()]  # type: ignore[union-attr]
+        rows = self.first_rows
+        if rows is None:
+            return frame(columns | {"windowed": [_rmse(c.windowed) for c in self.channels.values()]}, index="channel")
+        for name, row in (("given", rows.given), ("refitted", rows.refitted)):
+            for data, scores in (("training", row.estimation), ("validation", row.validation)):
+                columns[f"{data}_{name}"] = [_rmse(scores.channels.get(c)) for c in self.channels]
         return frame(columns, index="channel")
 
     plot = drawn_by("signlin_ros.report.pictures", "measured_and_simulated")
@@ -338,6 +345,11 @@ def _free(observer: Observer, notes: list[str]) -> list[FreeRun]:
     runs = [free_run(tracker, x[0], observer.reach, observer.effective) for tracker, x in pairs]
     notes += [f"{s.source}: no free run: {run.why}" for s, run in zip(observer.stretches, runs, strict=True) if run.why]
     return runs
+
+
+def _rmse(found: Score | None) -> float:
+    """Return the RMS error of a score, in the channel's unit; nan where there is none."""
+    return np.nan if found is None else found.rmse
 
 
 def _windowed(observer: Observer, horizon: float, notes: list[str]) -> list[Array]:
