@@ -54,7 +54,9 @@ class FittedCoordinate(NamedTuple):
 
     @property
     def off(self) -> float:
-        """How far it is from nominal, in tolerances: what is known to within all of itself may be nothing."""
+        """How far it is from nominal, in tolerances: below it (x - x0) / x0, above it ln(x / x0), over the tolerance;
+        what is known to within all of itself may be nothing.
+        """
         apart = self.x - self.k.prior
         return (float(np.expm1(apart)) if self.k.log and apart < 0.0 else apart) / self.k.spread
 
@@ -72,7 +74,8 @@ class FittedCoordinate(NamedTuple):
         if self.k.record:
             return f"of {self.k.record}"
         if self.k.spread < 1.0 and abs(self.off) > ODD:
-            return f"{abs(self.off):.1f} tolerances from its nominal value"
+            times = f" ({np.exp(self.x - self.k.prior):.3g} times it)" if self.k.log else ""
+            return f"{abs(self.off):.1f} tolerances from its nominal value{times}"
         untold = self.k.spread < 1.0 and self.std > UNTOLD * self.k.spread
         return "not excited: the record says nothing beyond the tolerance" if untold else ""
 
