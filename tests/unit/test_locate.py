@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from signlin_ros.comparison import bands
 from signlin_ros.comparison.locate import block_mean
 from signlin_ros.diagnosis.comparison import compare
 from signlin_ros.errors import InputError
@@ -155,7 +156,7 @@ def test_a_band_covers_the_truth_although_its_samples_hang_together():
         rng = np.random.default_rng(seed)
         x = lfilter([1], [1, -0.95], rng.standard_normal(4000))
         e = lfilter([1], [1, -0.9], rng.standard_normal(4000))
-        band = curves.band(x, 0.5 * x + e, curves.memory(e), bins=12)
+        band = bands.band(x, 0.5 * x + e, bands.memory(e), bins=12)
         inside = np.abs(band.mean - 0.5 * band.at) < band.two_errors
         hits, total = hits + int(inside.sum()), total + inside.size
     assert 0.85 < hits / total < 0.99
