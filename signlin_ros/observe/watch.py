@@ -29,8 +29,9 @@ MAX_GUARD_INNOVATION = 400.0
 """A squared innovation counts so much at most."""
 GAP, PACE_SAMPLES, LEAST_PACE = 5.0, 100, 20
 """An interval of so many usual ones is a gap; usual is the median of so many of the last ones, and so many at least."""
-SETTLING = START_TIME
-"""Seconds after a gap in which nothing is judged: the state is found anew."""
+SETTLING, SETTLING_GAPS = START_TIME, 6.0
+"""The state is found anew after a gap: nothing is judged for so many times its length, and for so many seconds at most.
+A short stall, of which a busy machine has one a second, leaves the rest of that second to be judged."""
 SHIFT, TOGGLED, FORM_SAMPLES, FEWEST_FORMS = 5.0, 60, 6, 8
 """What a shift does is tried with one of so many standard deviations of the noise, to and fro every so many samples;
 so many innovations are looked at, and so many shifts are needed."""
@@ -56,6 +57,10 @@ class Pace:
         self._last = t
         return missed
 
+    def since(self, t: float) -> float:
+        """Return the seconds since it came last."""
+        return t - self._last
+
     def missed(self, t: float) -> bool:
         """Tell whether it should have come again before time t. What comes at any time, as on a change, is not."""
         if len(self._intervals) < LEAST_PACE or t - self._last <= GAP * min(self._intervals):
@@ -80,6 +85,7 @@ class Watch:
         self._heard: list[tuple[float, Array | Mapping[str, float] | None]] = []
         self._pace, self._input_pace = Pace(), Pace()
         self._gaps, self.gaps = list[tuple[float, float]](), 0
+        """Gaps, from when they are noticed until the state is known again, and how many there were."""
         self._last = -np.inf
         self._begun, self._fastest, self._slow_at = np.nan, 0.0, -np.inf
 
@@ -96,7 +102,7 @@ class Watch:
     @property
     def settling(self) -> bool:
         """Whether nothing is judged now, because something was lost."""
-        return bool(self._gaps) and self._last < self._gaps[-1][1] + SETTLING
+        return bool(self._gaps) and self._last < self._gaps[-1][1]
 
     @property
     def sigma(self) -> dict[str, float]:
@@ -113,20 +119,24 @@ class Watch:
 
     def take(self, t: float, shown: Mapping[str, float]) -> None:
         """Take what the sensors show at time t, by name; after a gap nothing is judged for `SETTLING` s."""
-        self._last = t
-        if self._pace.take(t) or (self._input_pace.missed(t) and not self._input_pace.missed(t - SETTLING)):
-            self._lose(t)
+        before, self._last = self._last, t
+        lost = t - before if self._pace.take(t) else 0.0
+        if self._input_pace.missed(t) and not self._input_pace.missed(t - SETTLING):
+            lost = max(lost, self._input_pace.since(t))
+        if lost:
+            self._lose(t, lost)
         if self.trust is None:
             self._heard.append((t, dict(shown)))
         for guard in self._guards.values():
             guard.take(t, shown)
 
-    def _lose(self, t: float) -> None:
-        """Doubt the state at time t."""
+    def _lose(self, t: float, lost: float) -> None:
+        """Doubt the state at time t, after so many seconds without what should have come."""
+        until = t + min(SETTLING, SETTLING_GAPS * lost)
         if self.settling:
-            self._gaps[-1] = (self._gaps[-1][0], t)
+            self._gaps[-1] = (self._gaps[-1][0], max(self._gaps[-1][1], until))
         else:
-            self._gaps.append((t, t))
+            self._gaps.append((t, until))
             self.gaps += 1
         if self.trust is None:
             self._heard.append((t, None))
@@ -196,14 +206,14 @@ class Watch:
 
     def _guard(self, innovations: Innovations) -> Alarm | None:
         seen = innovations.part(self._tells(innovations.t))
-        self._gaps = [gap for gap in self._gaps if self._last < gap[1] + 2 * SETTLING]
+        self._gaps = [gap for gap in self._gaps if self._last < gap[1] + SETTLING]
         return self.detector.take(seen.t, seen.sizes, self._situations(seen.t, seen.x), seen.channel)
 
     def _tells(self, t: Array) -> NDArray[np.bool_]:
         """Return at which of the times (E,) the state is known well enough to judge the model by it."""
         told = np.ones(t.shape, dtype=bool)
-        for begun, ended in [(-np.inf, self._begun), *self._gaps]:
-            told &= (t < begun) | (t >= ended + SETTLING)
+        for begun, until in [(-np.inf, self._begun + START_TIME), *self._gaps]:
+            told &= (t < begun) | (t >= until)
         return told
 
     def _situations(self, t: Array, x: Array) -> NDArray[np.int64]:
