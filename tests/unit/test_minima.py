@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA
-from signlin_ros.diagnosis.output_error import OutputErrorEstimator, fitting
+from signlin_ros.diagnosis.output_error import OutputErrorEstimator
 from signlin_ros.diagnosis.output_error.score import level
 from signlin_ros.diagnosis.validation import ValidationTests
 
@@ -93,29 +93,3 @@ def test_values_of_a_real_thing_are_taken_where_they_err_not_surely_more():
     assert not OutputErrorEstimator._preferred(estimate, worse, odd)
     assert not OutputErrorEstimator._preferred(estimate, real, fitted((1.0, 1.0)))
     assert OutputErrorEstimator._preferred(estimate, fitted((1.0, 1.0)), real)
-
-
-def rugged(x: np.ndarray[Any, Any]) -> float:
-    """Return a cost with a minimum every 0.35 or so, the least at 2."""
-    return float(400.0 * (x[0] - 2.0) ** 2 + 300.0 * (1.0 - np.cos(18.0 * (x[0] - 2.0))))
-
-
-def downhill(x: np.ndarray[Any, Any], steps: int) -> Any:
-    """Return where a line search ends up in some steps from a point."""
-    for _ in range(8 * steps):
-        around = x + np.linspace(-0.02, 0.02, 41)[:, None] * np.array([1.0, 0.0])
-        x = around[int(np.argmin([rugged(one) for one in around]))]
-    return SimpleNamespace(theta=x, cost=rugged(x), candidate=CANDIDATE, gains=None)
-
-
-CANDIDATE = SimpleNamespace(bounds=(np.array([-5.0, -5.0]), np.array([5.0, 5.0])))
-
-
-def test_minima_around_lead_to_the_lowest(monkeypatch):
-    monkeypatch.setattr(fitting, "fit", lambda problem, c, gains, theta, steps: downhill(theta, steps))
-    monkeypatch.setattr(fitting, "further", lambda problem, f, steps: downhill(f.theta, steps))
-    first = downhill(np.array([0.97, 1.0]), 20)
-    assert first.cost > 300.0
-    problem: Any = None
-    found = fitting._hopped(problem, first, [0], map)
-    assert found.theta == pytest.approx([2.0, 1.0], abs=0.01)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from operator import attrgetter
@@ -33,10 +32,6 @@ SERIOUS, ANYWAY, FINISHED = 0.25, 3, 8
 """Share of the best candidate's gain that makes another worth a thorough fit; how many get one anyway, and at most."""
 BREEDING_ROUNDS, CHILDREN, PARENTS, BRED_KEPT = 4, 48, 14, 3
 """Rounds of breeding, new points in each, the points that they are drawn around, and those that a fit starts from."""
-HOPS, HOPPERS, FAR_HOP, NEAR_HOP, HOP_STEPS, SETTLING_STEPS = 8, 16, 0.4, 0.1, 6, 20
-"""Rounds of hops from the best minimum by then, hops in each, the spread of their logarithms at first and at last;
-steps of a fit from each, and of the best of them.
-"""
 AROUND, FREE_RUN_STARTS = 3.0, 64
 """Tolerances off nominal within which fits of free runs in a closed loop start, too, and how many do."""
 MIN_SPREAD = 0.03
@@ -212,8 +207,7 @@ def promising(problem: Problem, of: Fit, fits: Sequence[Fit], rival: Fit | None,
 
 def bred(problem: Problem, before: Fit, trial: Trial, each: Each) -> Fit | None:
     """Return the best fit of an effect with many local minima, as of what makes and breaks contact: from the best of
-    many positive starts, of what they breed [Rubinstein and Kroese, The Cross-Entropy Method, 2004, ch. 2], and of the
-    minima around.
+    many positive starts, and of what they breed [Rubinstein and Kroese, The Cross-Entropy Method, 2004, ch. 2].
     """
     parts, middle = CandidateParts.of(before), problem.levels[1]
     c = parts.extended(trial.name, trial.starts[0]).candidate(problem)
@@ -230,30 +224,7 @@ def bred(problem: Problem, before: Fit, trial: Trial, each: Each) -> Fit | None:
     best = _bred(np.log([[one[n] for n in free] for one in trial.starts]), cost, each)[:BRED_KEPT]
     starts = [{**trial.starts[0], **dict(zip(free, np.exp(z).tolist(), strict=True))} for z in best]
     candidates = [parts.extended(trial.name, start).candidate(problem) for start in starts]
-    found = cheapest(fit(problem, one, middle, None, LAST_STEPS) for one in candidates)
-    return _hopped(problem, further(problem, found, SETTLING_STEPS), index, each) if found else None
-
-
-def _hopped(problem: Problem, best: Fit, index: Sequence[int], each: Each) -> Fit:
-    """Return the best of the minima around one, off by some coordinates, the logarithms of what is positive, and of
-    those around that one, and so on [basin hopping: Wales and Doye, J. Phys. Chem. A 101 (1997) 5111].
-    """
-    draw, spread, c = np.random.default_rng(0).standard_normal, FAR_HOP, best.candidate
-    for _ in range(HOPS):
-        starts = np.tile(best.theta, (HOPPERS, 1))
-        starts[:, index] += spread * draw((HOPPERS, len(index)))
-        few = each(functools.partial(_hop, problem, best), list(np.clip(starts, *c.bounds)))
-        first = sorted((f for f in few if f), key=attrgetter("cost"))[:STARTS_KEPT]
-        found = cheapest(each(lambda f: further(problem, f, SETTLING_STEPS), first))
-        if found and found.cost < best.cost - 1.0:
-            best = found
-        elif (spread := spread / 2.0) < NEAR_HOP:
-            break
-    return best
-
-
-def _hop(problem: Problem, f: Fit, theta: Array) -> Fit | None:
-    return fit(problem, f.candidate, f.gains, theta, HOP_STEPS)
+    return cheapest(fit(problem, c, middle, None, LAST_STEPS) for c in candidates)
 
 
 def _bred(points: Array, cost: Callable[[Array], float], each: Each) -> Array:
