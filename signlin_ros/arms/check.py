@@ -21,10 +21,9 @@ from signlin_ros.checks.base import Check, changed, values_of, with_channel
 from signlin_ros.checks.finding import Finding
 from signlin_ros.checks.jitter import Jitter
 from signlin_ros.checks.repeated_values import RepeatedValues
-from signlin_ros.checks.run import NO_CURE
+from signlin_ros.checks.run import NO_CURE, check_cures
 from signlin_ros.checks.run import check as generic
 from signlin_ros.checks.sparse_channel import SparseChannel
-from signlin_ros.errors import InputError, choices, suggest
 from signlin_ros.filters import slope
 from signlin_ros.model.arm import ArmModel
 from signlin_ros.plants.arm import GAIN_PARAMETER
@@ -71,11 +70,7 @@ def check(
                     told.append(treated)
         sound.append(cured)
         found += told
-    offered = {finding.cure for finding in found if finding.cure}
-    for name in cures:
-        if name != NO_CURE and name not in offered:
-            known = choices([*sorted(offered), NO_CURE])
-            raise InputError(f"--cure: found {name!r}; for these records there are: {known}{suggest(name, offered)}")
+    check_cures(cures, found)
     return sound, found
 
 

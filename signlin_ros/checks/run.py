@@ -40,7 +40,7 @@ def check(
             for one, told in zip(ready, kind().find_each([one.look for one in ready]), strict=True):
                 one.treat(kind, told, frozenset(cures))
     findings = [finding for one in passes for finding in one.found]
-    _check_names(cures, findings)
+    check_cures(cures, findings)
     return [one.record for one in passes], findings
 
 
@@ -101,12 +101,13 @@ def _treated(record: ModelData, finding: Finding, cures: frozenset[str]) -> tupl
     return record, replace(finding, severity="offer") if finding.harmless else finding
 
 
-def _check_names(cures: Collection[str], findings: Sequence[Finding]) -> None:
+def check_cures(cures: Collection[str], findings: Sequence[Finding]) -> None:
+    """Raise `InputError` for a cure that none of the findings offers."""
     offered = {finding.cure for finding in findings if finding.cure}
     for name in cures:
         if name != NO_CURE and name not in offered:
-            allowed = choices([*offered, NO_CURE])
+            allowed = choices([*sorted(offered), NO_CURE])
             raise InputError(f"--cure: found {name!r}; for these records there are: {allowed}{suggest(name, offered)}")
 
 
-__all__ = ["NO_CURE", "check", "require_sound"]
+__all__ = ["NO_CURE", "check", "check_cures", "require_sound"]

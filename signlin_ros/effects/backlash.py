@@ -32,6 +32,7 @@ class Backlash(CompliantLoad):
 
     resonant = False
     rugged = True
+    contains = ("compliant_load",)
     floating = True
     essential = ("gap",)
     telling = ("gap",)
@@ -52,6 +53,10 @@ class Backlash(CompliantLoad):
         for J, w, d, gap in points * [scale.of("F·s²/Q"), 1.0, 1.0, scale.excursion]:
             found.append({"k": J * w * w, "c": d * J * w, "J": J, "gap": gap})
         return [{name: float(value) for name, value in one.items()} for one in found]
+
+    @classmethod
+    def holding(cls, simple: str, p: Mapping[str, float]) -> dict[str, float]:
+        return {n: p[n] for n in ("k", "c", "J")} if simple == "compliant_load" else {}
 
     @classmethod
     def simpler(cls, p: Mapping[str, float]) -> dict[str, dict[str, float]]:

@@ -76,6 +76,8 @@ class Effect(HasPars):
     family: ClassVar[str] = ""
     """Laws of one family are richer and simpler forms of one thing: a model has one of them, the simplest that suffices
     unless a richer one is surely better."""
+    contains: ClassVar[tuple[str, ...]] = ()
+    """Simpler effects that it is for some values of its parameters."""
     dissipative: ClassVar[bool] = False
     """Whether v F <= 0 always (checked by the contract tests)."""
 
@@ -130,6 +132,11 @@ class Effect(HasPars):
     def after(cls, simple: str, p: Mapping[str, float]) -> list[dict[str, float]]:
         """Return more points to start from, given the parameters that a simpler effect was fitted with."""
         return []
+
+    @classmethod
+    def holding(cls, simple: str, p: Mapping[str, float]) -> dict[str, float]:
+        """Return what the parameters of a simpler effect that it contains say of its own, by name; empty: nothing."""
+        return {}
 
     @classmethod
     def nearby(cls, p: Mapping[str, float]) -> list[dict[str, float]]:

@@ -34,6 +34,7 @@ class BoucWenHysteresis(Effect):
     experiment = "cycle slowly between two positions, with several amplitudes"
     states = {"h": "-"}
     family = "dry friction"
+    contains = ("linear_stiffness",)
 
     alpha = Par("-", nominal=0.5, high=1.0, doc="share of the stiffness that stays elastic")
     D = Par("Q", nominal=1.0, positive=True, doc="yield displacement")

@@ -22,6 +22,7 @@ class CubicStiffness(Effect):
 
     k3 = Par("F/Q³", nominal=0.1, low=-1e24, high=1e24, doc="cubic stiffness; positive hardens")
     start = ({"k3": 0.05},)
+    contains = ("linear_stiffness",)
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         return -p.k3 * x.position**3

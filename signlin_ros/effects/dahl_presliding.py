@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from signlin_ros.effects.base import Effect
@@ -22,6 +23,7 @@ class DahlPresliding(Effect):
     )
     experiment = "ramp the force slowly up and down without breaking away"
     family = "dry friction"
+    contains = ("coulomb_friction",)
     states = {"z": "Q"}
     telling = ("F_c", "sigma")
 
@@ -32,6 +34,10 @@ class DahlPresliding(Effect):
         {"F_c": 0.1, "sigma": 0.7},
         {"F_c": 0.1, "sigma": 0.2},
     )
+
+    @classmethod
+    def holding(cls, simple: str, p: Mapping[str, float]) -> dict[str, float]:
+        return {"F_c": p["mu"]} if simple == "coulomb_friction" else {}
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         return -p.sigma * x.own.z

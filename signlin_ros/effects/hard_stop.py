@@ -21,6 +21,7 @@ class HardStop(Effect):
     only_beyond = True
     experiment = "move to both ends of the travel"
     telling = ("gap", "k_s")
+    contains = ("linear_stiffness",)
 
     gap = Par("Q", nominal=0.5, doc="travel to either stop")
     k_s = Par("F/Q", nominal=10.0, doc="stiffness of the stops")

@@ -28,6 +28,7 @@ class LoadDependentStribeck(Effect):
     )
     experiment = "move under different loads, and let it creep through standstill under each"
     family = "dry friction"
+    contains = ("stribeck_friction",)
     dissipative = True
     telling = ("excess",)
     essential = ("excess",)

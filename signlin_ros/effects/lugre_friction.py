@@ -8,6 +8,9 @@ from typing import Any
 from signlin_ros.effects.base import Effect
 from signlin_ros.par import Par
 
+LARGER_BREAKAWAY = 1.2
+"""Breakaway friction over sliding friction from which a fit starts where the simpler law has none."""
+
 
 class LuGreFriction(Effect):
     """LuGre friction: elastic presliding with a Stribeck curve.
@@ -24,6 +27,7 @@ class LuGreFriction(Effect):
     )
     experiment = "ramp the force slowly up to breakaway and back"
     family = "dry friction"
+    contains = ("coulomb_friction", "stribeck_friction", "dahl_presliding")
     states = {"z": "Q"}
     telling = ("F_c", "sigma0")
 
@@ -43,6 +47,16 @@ class LuGreFriction(Effect):
         if simple != "dahl_presliding":
             return []
         return [{"sigma0": p["sigma"], "sigma1": 0.0, "sigma2": 0.0, "F_c": 0.8 * p["F_c"], "F_s": 1.1 * p["F_c"]}]
+
+    @classmethod
+    def holding(cls, simple: str, p: Mapping[str, float]) -> dict[str, float]:
+        if simple == "coulomb_friction":
+            return {"F_c": p["mu"], "F_s": LARGER_BREAKAWAY * p["mu"]}
+        if simple == "stribeck_friction":
+            return {"F_c": p["mu"], "F_s": p["mu"] + p["excess"], "v_s": p["v_s"]}
+        if simple == "dahl_presliding":
+            return {"sigma0": p["sigma"], "F_c": p["F_c"], "F_s": LARGER_BREAKAWAY * p["F_c"]}
+        return {}
 
     @classmethod
     def nearby(cls, p: Mapping[str, float]) -> list[dict[str, float]]:

@@ -25,6 +25,7 @@ class StribeckFriction(Effect):
     )
     experiment = "let it creep through standstill, slower than the speed at which friction settles"
     family = "dry friction"
+    contains = ("coulomb_friction",)
     dissipative = True
     telling = ("excess",)
 
@@ -35,6 +36,10 @@ class StribeckFriction(Effect):
         {"mu": mu, "excess": excess, "v_s": v_s}
         for mu, excess, v_s in itertools.product((0.05, 0.15, 0.4), (0.05, 0.15, 0.4, 1.0), (0.05, 0.2, 0.6))
     )
+
+    @classmethod
+    def holding(cls, simple: str, p: Mapping[str, float]) -> dict[str, float]:
+        return {"mu": p["mu"]} if simple == "coulomb_friction" else {}
 
     @classmethod
     def simpler(cls, p: Mapping[str, float]) -> dict[str, dict[str, float]]:

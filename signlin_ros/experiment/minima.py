@@ -28,48 +28,17 @@ MINIMA_FITTED, MOST_MINIMA, MINIMA_APART = 8, 2, 0.5
 """Starts from which the other minima of a rival are sought, most that are kept, and how far from each other one of
 their coordinates is at least.
 """
-Values = Mapping[str, float]
-
-LARGER_BREAKAWAY = 1.2
-"""Breakaway friction over sliding friction from which a fit starts where the simpler law has none."""
-
-_LEADS: Mapping[tuple[str, str], Callable[[Values], dict[str, float]]] = {
-    ("backlash", "compliant_load"): lambda p: {n: p[n] for n in ("k", "c", "J")},
-    ("stribeck_friction", "coulomb_friction"): lambda p: {"mu": p["mu"]},
-    ("dahl_presliding", "coulomb_friction"): lambda p: {"F_c": p["mu"]},
-    ("lugre_friction", "coulomb_friction"): lambda p: {"F_c": p["mu"], "F_s": LARGER_BREAKAWAY * p["mu"]},
-    ("lugre_friction", "stribeck_friction"): lambda p: {
-        "F_c": p["mu"],
-        "F_s": p["mu"] + p["excess"],
-        "v_s": p["v_s"],
-    },
-    ("lugre_friction", "dahl_presliding"): lambda p: {
-        "sigma0": p["sigma"],
-        "F_c": p["F_c"],
-        "F_s": LARGER_BREAKAWAY * p["F_c"],
-    },
-}
-
-
-_CONTAINED: Mapping[str, tuple[str, ...]] = {
-    "hard_stop": ("linear_stiffness",),
-    "cubic_stiffness": ("linear_stiffness",),
-    "bouc_wen_hysteresis": ("linear_stiffness",),
-    "load_dependent_stribeck": ("stribeck_friction",),
-}
-"""Laws that a richer one is for some values, beside those that lead to it."""
 
 
 def overlap(one: str, other: str) -> bool:
     """Tell whether two laws are the same for some values of their parameters."""
-    first, second = ({n, *_CONTAINED.get(n, ()), *(s for r, s in _LEADS if r == n)} for n in (one, other))
+    first, second = ({n, *EFFECTS[n].contains} for n in (one, other))
     return bool(first & second)
 
 
-def led_by(richer: str, simpler: str, values: Values) -> dict[str, float]:
+def led_by(richer: str, simpler: str, values: Mapping[str, float]) -> dict[str, float]:
     """Return what the parameters of a simpler law say of those of a richer one; empty where it does not contain it."""
-    lead = _LEADS.get((richer, simpler))
-    return lead(values) if lead and values else {}
+    return EFFECTS[richer].holding(simpler, values) if values else {}
 
 
 def led(problem: Problem, c: Contender, gains: ObserverGains, others: Sequence[tuple[str, Model]]) -> Contender:

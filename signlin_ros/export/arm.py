@@ -64,14 +64,12 @@ def motion_drive(model: ArmModel) -> ExportedDrive:
     w = 2.0 * np.pi * (SLOWEST + FASTER * np.arange(n))
     angle = w * t[:, None]
     q, v, a = size * (1.0 - np.cos(angle)), size * w * np.sin(angle), size * w**2 * np.cos(angle)
-    u = np.zeros((t.size, n))
-    for k in range(t.size):
-        x = x0.copy()
-        x[:n] += q[k]
-        x[n : 2 * n] = v[k]
-        found = linear(x, np.zeros(n))
-        free = (found.A @ x + found.c)[n : 2 * n]
-        u[k] = np.linalg.solve(found.B[n : 2 * n], a[k] - free)
+    x = np.tile(x0, (t.size, 1))
+    x[:, :n] += q
+    x[:, n : 2 * n] = v
+    found = linear.batch(x, np.zeros((t.size, n)))
+    free = (np.einsum("tij,tj->ti", found.A, x) + found.c)[:, n : 2 * n]
+    u = np.linalg.solve(found.B[:, n : 2 * n], (a - free)[..., None])[..., 0]
     x0[n : 2 * n] = 0.0
     return ExportedDrive(t, u, t, x0)
 
