@@ -5,10 +5,11 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, ParamSpec, TypeVar
+from typing import ParamSpec, TypeVar
 
 P = ParamSpec("P")
 T = TypeVar("T")
+R = TypeVar("R")
 
 
 def one_thread(f: Callable[P, T]) -> Callable[P, T]:
@@ -24,7 +25,7 @@ def one_thread(f: Callable[P, T]) -> Callable[P, T]:
     return run
 
 
-def side_by_side(do: Callable[[Any], Any], items: Sequence[Any], jobs: int) -> list[Any]:
+def side_by_side(do: Callable[[T], R], items: Sequence[T], jobs: int) -> list[R]:
     """Return what is done to each of some items, in their order, by so many threads."""
     if jobs == 1 or len(items) < 2:
         return [do(item) for item in items]

@@ -73,7 +73,7 @@ def margin(model: Any, records: Sequence[ModelData], rivals: Sequence[KnownLimit
         own = replace(c.candidate, coordinates=tuple(replace(k, low=a, high=b) for k, a, b in sides), starts={})
         starts = [c.theta, *c.sigma_points[:2]]
         fits = [f for f in (fit(bench.problem, own, gains_of(bench.problem), x, SEEN_STEPS) for x in starts) if f]
-        costs["+".join(c.effects)] = min((f.cost for f in fits), default=np.inf)
+        costs["+".join(c.effects)] = min((f.objective for f in fits), default=np.inf)
     if true not in costs:
         return float("nan")
     return min((v for n, v in costs.items() if n != true), default=np.inf) - costs[true]

@@ -32,7 +32,7 @@ def _by_motion(data: Any, criteria: Any) -> dict[str, Any]:
     from signlin_ros.threads import one_thread
 
     def asked() -> dict[str, Any]:
-        motion = estimator_of(data.problem, data.unseen, criteria, FitCache(), Progress(), 1)
+        motion = estimator_of(data.training, data.validation, criteria, FitCache(), Progress(), 1)
         evidence = Evidence(data, motion, None)
         verdict = without_untold(evidence, verdict_of(evidence, select_model(evidence)))
         return dict(summary_of(evidence, without_idle(evidence, verdict)).to_json())
@@ -44,7 +44,7 @@ def _by_force(data: Any, criteria: Any) -> dict[str, Any]:
     """Return the laws that the missing force shows; unexplained is what none but a flexible curve takes away."""
     from signlin_ros.diagnosis.equation_error.estimate import estimate_equation_error
 
-    found = estimate_equation_error(data.problem, data.unseen, criteria)
+    found = estimate_equation_error(data.training, data.validation, criteria)
     names = found.effects
     entries = [
         {

@@ -32,7 +32,7 @@ def warm_up() -> float:
     known, unseen = _record(truth, 1), _record(truth, 2)
     diagnose(model, known, unseen, jobs=1)
     motion = estimator_of(*prepared(model, [known], [unseen]), DEFAULT_CRITERIA, FitCache(), jobs=1)
-    motion.stated(["backlash"], model.with_effect("backlash", None, gap=0.5, k=20.0, c=0.05, J=5e-4))
+    motion.at_values_of(["backlash"], model.with_effect("backlash", None, gap=0.5, k=20.0, c=0.05, J=5e-4))
     return time.perf_counter() - begun
 
 

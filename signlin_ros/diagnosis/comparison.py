@@ -276,7 +276,7 @@ def _how_inputs_act(c: Dataset | InputError, progress: Progress) -> Evidence | N
         return None
     progress.say("how the input acts")
     try:
-        motion = estimator_of(c.problem, c.unseen, DEFAULT_CRITERIA, FitCache(), progress, 1)
+        motion = estimator_of(c.training, c.validation, DEFAULT_CRITERIA, FitCache(), progress, 1)
         return None if at_noise(motion, motion.base.training_squares) else refitted_evidence(c, progress)
     except InputError:
         return None  # first rows say why

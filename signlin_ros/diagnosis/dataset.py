@@ -35,26 +35,26 @@ class Dataset:
     """
 
     records: tuple[ModelData, ...]
-    problem: Problem
-    unseen: Problem
+    training: Problem
+    validation: Problem
     told_hold: str = ""
 
     @property
     def model(self) -> Model:
         """The model as given, with its position as a state where that is measured."""
-        return self.problem.base
+        return self.training.base
 
     @property
     def plant(self) -> type[Plant]:
         """Its plant."""
-        return self.problem.base.plant
+        return self.training.base.plant
 
     @property
     def horizon(self) -> float:
         """Seconds over which the motion is predicted: of a plant in a closed loop a whole record."""
         if self.model.plant.closed_loop:
-            return max(float(s.t[-1] - s.t[0]) for s in self.problem.segments)
-        return float(max(self.model.update_period, 2 * self.problem.scale.step))
+            return max(float(s.t[-1] - s.t[0]) for s in self.training.segments)
+        return float(max(self.model.update_period, 2 * self.training.scale.step))
 
     def knowing(self, own: Mapping[str, Mapping[str, float]]) -> Dataset:
         """Return the same where records have known values of parameters, by source: what one has of its own."""
@@ -67,13 +67,13 @@ class Dataset:
             parts = (replace(p, conditions={**own.get(p.source, {}), **p.conditions}) for p in problem.parts)
             return replace(problem, base=base, parts=tuple(parts))
 
-        return replace(self, problem=side(self.problem), unseen=side(self.unseen))
+        return replace(self, training=side(self.training), validation=side(self.validation))
 
     @cached_property
     def noise(self) -> dict[str, float]:
         """Standard deviation of every channel's noise, from all records: of the sensors alone."""
-        parts = [(s.t, s.y) for s in (*self.problem.segments, *self.unseen.segments)]
-        return dict(zip(self.problem.channels, sensor_noise(parts).tolist(), strict=True))
+        parts = [(s.t, s.y) for s in (*self.training.segments, *self.validation.segments)]
+        return dict(zip(self.training.channels, sensor_noise(parts).tolist(), strict=True))
 
     @cached_property
     def _swings(self) -> list[Array]:

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from signlin_ros.diagnosis.equation_error.regression import mean_certainty
+from signlin_ros.diagnosis.equation_error.regression import mean_t_ratio
 from signlin_ros.diagnosis.evidence import Evidence
 from signlin_ros.diagnosis.output_error import FittedModel
 from signlin_ros.diagnosis.results import listed
@@ -90,7 +90,7 @@ def refitted(evidence: Evidence, rivals: Sequence[PlannedRival]) -> tuple[Refitt
 
 
 def _refitted(evidence: Evidence, rival: PlannedRival) -> RefittedRival | None:
-    motion = evidence.motion
+    motion = evidence.output_error
     if not rival.effects:
         return RefittedRival((), evidence.base, evidence.base)
     if len(rival.effects) == 1 and EFFECTS[rival.effects[0]].states:  # what remembers has several minima
@@ -123,20 +123,20 @@ def discriminated(evidence: Evidence, selection: Selection, rivals: Sequence[Ref
     good = [
         one.best for one in rivals if len(one.effects) <= max(len(final.effects), 1) and _better(evidence, final, one)
     ]
-    best = min(good, key=lambda f: f.level, default=None)
-    near = [f for f in good if best and evidence.motion.as_good(best, f)]
+    best = min(good, key=lambda f: f.log_mse, default=None)
+    near = [f for f in good if best and evidence.output_error.as_good(best, f)]
     near = near or [one.best for one in rivals if _as_good(evidence, final, one.best)]
     if not near:
         return held
-    return replace(held, chosen=min(near, key=lambda f: (len(f.effects), f.size, f.level)), conflict="")
+    return replace(held, chosen=min(near, key=lambda f: (len(f.effects), f.n_parameters, f.log_mse)), conflict="")
 
 
 def _as_good(evidence: Evidence, final: FittedModel, f: FittedModel) -> bool:
     """Tell whether a rival is simpler than a model, as good, and surely better than the base."""
-    simpler = bool(f.effects) and (len(f.effects), f.size) < (len(final.effects), final.size)
-    if not simpler or f.implausible or evidence.raises(final, f) or not evidence.motion.as_good(final, f):
+    simpler = bool(f.effects) and (len(f.effects), f.n_parameters) < (len(final.effects), final.n_parameters)
+    if not simpler or f.implausible or evidence.force_rises(final, f) or not evidence.output_error.as_good(final, f):
         return False
-    return evidence.motion.certainty(evidence.base, f) >= evidence.criteria.min_t
+    return evidence.output_error.t_ratio(evidence.base, f) >= evidence.criteria.min_t
 
 
 def _better(evidence: Evidence, final: FittedModel, one: RefittedRival) -> bool:
@@ -145,26 +145,26 @@ def _better(evidence: Evidence, final: FittedModel, one: RefittedRival) -> bool:
     if set(one.effects) == set(final.effects) or not one.effects or f.implausible:
         return False
     if (
-        evidence.motion.gain(final, f).worsens(c.max_rise_t, c.visible_change)
+        evidence.output_error.improvement(final, f).worsens(c.max_rise_t, c.visible_change)
         or _raises(evidence, final, f)
         or _raises(evidence, evidence.base, f)
     ):
         return False
-    return min(evidence.motion.certainty(g, f) for g in (final, evidence.base)) >= c.min_t
+    return min(evidence.output_error.t_ratio(g, f) for g in (final, evidence.base)) >= c.min_t
 
 
 def _raises(evidence: Evidence, before: FittedModel, after: FittedModel) -> bool:
     """Tell whether a model leaves more force than another one, as surely as its motion must be better; not of what
     remembers the way and leaves but noise of the motion: the noise of the measured way drives its force.
     """
-    if after.clean and any(EFFECTS[name].states for name in after.effects):
+    if after.residual_is_noise and any(EFFECTS[name].states for name in after.effects):
         return False
-    a, b = evidence.left(before), evidence.left(after)
+    a, b = evidence.force_mse(before), evidence.force_mse(after)
     return (
         a is not None
         and b is not None
-        and evidence.raises(before, after)
-        and mean_certainty(a, b) <= -evidence.criteria.min_t
+        and evidence.force_rises(before, after)
+        and mean_t_ratio(a, b) <= -evidence.criteria.min_t
     )
 
 
@@ -172,9 +172,9 @@ def loses(evidence: Evidence, rival: FittedModel, final: FittedModel) -> bool:
     """Tell whether a rival surely errs more than what is named, of validation data, or errs more and leaves surely more
     force.
     """
-    certainty = evidence.motion.certainty(rival, final)
+    certainty = evidence.output_error.t_ratio(rival, final)
     return certainty >= evidence.criteria.min_t or (
-        certainty >= evidence.criteria.tie_t and evidence.raises(final, rival)
+        certainty >= evidence.criteria.tie_t and evidence.force_rises(final, rival)
     )
 
 
@@ -184,7 +184,7 @@ def undecided(evidence: Evidence, rivals: Sequence[RefittedRival], final: Fitted
     """
     others = [r for r in rivals if not set(final.effects) <= set(r.effects)]
     open_ones = [r for r in others if not loses(evidence, r.least, final)]
-    return [r for r in open_ones if r.size or not r.effects or not evidence.motion.refused(evidence.base, r.best)]
+    return [r for r in open_ones if r.size or not r.effects or not evidence.output_error.refusal(evidence.base, r.best)]
 
 
 def told(evidence: Evidence, rivals: Sequence[RefittedRival], final: FittedModel) -> str:
@@ -199,7 +199,7 @@ def told(evidence: Evidence, rivals: Sequence[RefittedRival], final: FittedModel
     others = [r for r in rivals if r not in ties and r.effects and set(r.effects) != set(final.effects)]
     lost = [r for r in others if loses(evidence, r.least, final)]
     if lost:
-        least = min(evidence.motion.certainty(r.least, final) for r in lost)
+        least = min(evidence.output_error.t_ratio(r.least, final) for r in lost)
         names = listed(["+".join(r.effects) for r in lost])
         what = f"{'loses' if len(lost) == 1 else 'lose'} by {least:.1f} standard errors" + " or more" * (len(lost) > 1)
         parts.append(f"Refitted from the values of the plan {names} {what}")
@@ -211,7 +211,7 @@ def told(evidence: Evidence, rivals: Sequence[RefittedRival], final: FittedModel
 def _holds(r: RefittedRival, final: FittedModel) -> bool:
     """Tell whether a rival is a law of the same family that has a size, and is richer than what is named."""
     families = [EFFECTS[e[0]].family if len(e) == 1 else "" for e in (r.effects, final.effects)]
-    return bool(r.size and families[0]) and families[0] == families[1] and r.best.size > final.size
+    return bool(r.size and families[0]) and families[0] == families[1] and r.best.n_parameters > final.n_parameters
 
 
 def _bound(evidence: Evidence, r: RefittedRival, final: FittedModel) -> str:
@@ -222,7 +222,7 @@ def _bound(evidence: Evidence, r: RefittedRival, final: FittedModel) -> str:
         if f is None or not loses(evidence, f, final):
             break
         key, _, name = r.size.rpartition(".")
-        unit = evidence.dataset.problem.shown(resolve_unit(declared(f.model)[r.size].unit, f.model.plant, False))
+        unit = evidence.dataset.training.shown(resolve_unit(declared(f.model)[r.size].unit, f.model.plant, False))
         size = f"{with_error(value, 0.2 * value)[0]} {unit}".rstrip()
         smallest = f"{listed([key])} with {name} of {size} or {'less' if r.stiff else 'more'}"
     return smallest

@@ -93,7 +93,7 @@ class EffectEvidence:
 
 def effect_evidence(evidence: Evidence, fitted: FittedModel, effect: str) -> EffectEvidence | None:
     """Return the evidence for an effect of a fitted model; None where no force shows it."""
-    force = evidence.force
+    force = evidence.equation_error
     if force is None or changes_effort(find_effect(effect, "effects")):
         return None
     measured, computed = _lacking(evidence, fitted, effect)
@@ -103,8 +103,8 @@ def effect_evidence(evidence: Evidence, fitted: FittedModel, effect: str) -> Eff
     if named is None:
         return None
     plant = evidence.dataset.plant
-    unit = evidence.dataset.problem.shown(resolve_unit("F", plant))
-    sources = tuple(dict.fromkeys(s.source for s in evidence.dataset.unseen.segments))
+    unit = evidence.dataset.training.shown(resolve_unit("F", plant))
+    sources = tuple(dict.fromkeys(s.source for s in evidence.dataset.validation.segments))
     cutoff = force.validation.pieces[0].cutoff
     quantity = "missing torque" if unit == "N·m" else "missing force"
     rows = None
@@ -119,20 +119,20 @@ def effect_evidence(evidence: Evidence, fitted: FittedModel, effect: str) -> Eff
 
 def _lacking(evidence: Evidence, fitted: FittedModel, effect: str) -> tuple[Array, Array]:
     """Return the force (N,) that is missing without an effect, and what the effect makes of it, on validation data."""
-    force = evidence.force
+    force = evidence.equation_error
     assert force is not None  # noqa: S101  asked before
     less = fitted.model
     for key in [
-        k for k, use in less.effects.items() if use.type == effect and k not in evidence.dataset.problem.base.effects
+        k for k, use in less.effects.items() if use.type == effect and k not in evidence.dataset.training.base.effects
     ]:
         less = less.without_effect(key)
-    without, with_it = (force.validation.missing(m) for m in (less, fitted.model))
+    without, with_it = (force.validation.force_residual(m) for m in (less, fitted.model))
     return without, without - with_it
 
 
 def _at(evidence: Evidence, name: str) -> Array:
     """Return a coordinate (N,) where forces are told, on validation data."""
-    force = evidence.force
+    force = evidence.equation_error
     assert force is not None  # noqa: S101  asked before
     return np.concatenate([p.values[name][p.kept] for p in force.validation.pieces])
 
@@ -145,14 +145,14 @@ def _passing(velocity: Array, wave: Wave, cutoff: float) -> NDArray[np.bool_]:
 
 def _turns(evidence: Evidence) -> bool:
     """Tell whether the axis turns: then waves have whole orders."""
-    return evidence.dataset.problem.shown(resolve_unit("Q", evidence.dataset.plant)) == "rad"
+    return evidence.dataset.training.shown(resolve_unit("Q", evidence.dataset.plant)) == "rad"
 
 
 def _place(evidence: Evidence, computed: Array, waves: Sequence[Wave] = ()) -> Place:
     """Return the coordinate over which a force is most nearly a curve, for each direction of motion; of one that
     repeats the position within a period of its strongest wave.
     """
-    force, plant = evidence.force, evidence.dataset.plant
+    force, plant = evidence.equation_error, evidence.dataset.plant
     assert force is not None  # noqa: S101  asked before
     parts = force.validation.pieces
     velocity, position = _at(evidence, plant.velocity), _at(evidence, plant.position)
@@ -173,7 +173,7 @@ def _place(evidence: Evidence, computed: Array, waves: Sequence[Wave] = ()) -> P
         t = np.concatenate([p.t[p.kept] + end for p, end in zip(parts, ends, strict=False)])
         return Place("time", "s", t, np.zeros(t.size), True, False)
     x = velocity if best == plant.velocity else position
-    quantity, problem = "Q/s" if best == plant.velocity else "Q", evidence.dataset.problem
+    quantity, problem = "Q/s" if best == plant.velocity else "Q", evidence.dataset.training
     unit = problem.shown(problem.units.get(best) or resolve_unit(quantity, plant))
     return Place(best, unit, x, side, False, best == plant.velocity)
 
@@ -192,10 +192,10 @@ def _rival(evidence: Evidence, fitted: FittedModel, effect: str, place: Place) -
     rest = set(fitted.effects) - {effect}
     options = [
         one
-        for one in evidence.cache.tried
+        for one in evidence.cache.weighed
         if rest < set(one.effects) and len(one.effects) == len(fitted.effects) and effect not in one.effects
     ]
-    best = min(options, key=lambda one: one.level, default=None) or _by_force(evidence, rest, effect)
+    best = min(options, key=lambda one: one.log_mse, default=None) or _by_force(evidence, rest, effect)
     if best is None:
         return None
     (other,) = set(best.effects) - rest
@@ -208,14 +208,14 @@ def _by_force(evidence: Evidence, rest: set[str], effect: str) -> FittedModel | 
     """Return the best other effect in place of one as the equation-error estimate fitted it, if none was worth a
     simulation.
     """
-    force = evidence.force
+    force = evidence.equation_error
     if force is None:
         return None
-    known = (*force.sets.values(), *force.beside.get(effect, ()))
+    known = (*force.sets.values(), *force.replacements.get(effect, ()))
     sets = [m for m in known if rest < m.names and len(m.names) == len(rest) + 1]
-    for m in sorted((m for m in sets if effect not in m.names), key=lambda m: m.error):
-        found = evidence.motion.stated([n for n, _ in m.members], force.with_laws(m))
-        if found is not None and np.mean(force.residual_as_written(found.model)) < force.base.error:
+    for m in sorted((m for m in sets if effect not in m.names), key=lambda m: m.validation_mse):
+        found = evidence.output_error.at_values_of([n for n, _ in m.members], force.with_laws(m))
+        if found is not None and np.mean(force.mse_as_written(found.model)) < force.base.validation_mse:
             return found  # as it is written: a stiff law may be no more than its column
     return None
 

@@ -15,7 +15,7 @@ from signlin_ros.comparison.force_segment import recorded, tells_force
 from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA, Criteria
 from signlin_ros.diagnosis.dataset import Dataset
 from signlin_ros.diagnosis.equation_error.estimate import EquationErrorResult, estimate_equation_error
-from signlin_ros.diagnosis.equation_error.regression import MIN_DIVISOR, RegressionFit, mean_certainty, scaling
+from signlin_ros.diagnosis.equation_error.regression import MIN_DIVISOR, RegressionFit, mean_t_ratio, scaling
 from signlin_ros.diagnosis.input_hold import asks_hold, with_hold
 from signlin_ros.diagnosis.output_error import FitCache, FittedModel, OutputErrorEstimator, estimator_of
 from signlin_ros.diagnosis.output_error.score import of_windows
@@ -35,9 +35,9 @@ HALF = 0.5
 def equation_error_of(c: Dataset, criteria: Criteria, progress: Progress) -> EquationErrorResult | None:
     """Return the equation-error estimate; None where what the model's forces depend on is not recorded."""
     progress.say("missing force")
-    if not tells_force(c.model, recorded(c.model, [*c.problem.parts, *c.unseen.parts])):
+    if not tells_force(c.model, recorded(c.model, [*c.training.parts, *c.validation.parts])):
         return None
-    found = estimate_equation_error(c.problem, c.unseen, criteria)
+    found = estimate_equation_error(c.training, c.validation, criteria)
     progress.seen(found)
     return found
 
@@ -49,14 +49,14 @@ class Evidence:
     """
 
     dataset: Dataset
-    motion: OutputErrorEstimator
-    force: EquationErrorResult | None
+    output_error: OutputErrorEstimator
+    equation_error: EquationErrorResult | None
     contradicted: FittedModel | None = None
 
     @property
     def cache(self) -> FitCache:
         """The memo of all fits."""
-        return self.motion.cache
+        return self.output_error.cache
 
     def grounded(self) -> Evidence:
         """Return the same of a model with base parameters held at what the force tells of them, where the motion's own
@@ -65,175 +65,178 @@ class Evidence:
         model as given is the reference where what is held leaves more without the laws beside which it was found.
         Forces that show no law tell no more of a base that lacks one than the motion does.
         """
-        force, motion = self.force, self.motion
-        given, own = self.as_written(motion.given), self.as_written(motion.base)
+        force, motion = self.equation_error, self.output_error
+        given, own = self.force_mse_as_written(motion.unfitted), self.force_mse_as_written(motion.base)
         if (
             force is None
             or not force.effects
             or given is None
             or own is None
-            or (self.percent(own) or 0.0) <= WHOLE_EFFORT
+            or (self.percent_of_effort(own) or 0.0) <= WHOLE_EFFORT
         ):
             return self
-        complete = force.fit.error <= self.criteria.min_force_over_noise**2 * self.noise or motion.base.near(
-            self.criteria.min_force_over_noise
+        complete = (
+            force.fit.validation_mse <= self.criteria.min_force_over_noise** 2 * self.force_noise_mse
+            or motion.base.within_noise(self.criteria.min_force_over_noise)
         )
-        if complete or mean_certainty(given, own) > -self.criteria.min_t:
+        if complete or mean_t_ratio(given, own) > -self.criteria.min_t:
             return self
         told = force.with_laws(force.fit)
         held = {n: told.value(n) for n in force.regression.names if n in told.parameters}
         found = Evidence(self.dataset, motion.holding(held, motion.progress), force, motion.base)
-        if (own := found.as_written(found.base)) is not None and np.mean(own) > np.mean(given):
-            return replace(found, motion=found.motion.referring_to_given())
+        if (own := found.force_mse_as_written(found.base)) is not None and np.mean(own) > np.mean(given):
+            return replace(found, output_error=found.output_error.referring_to_given())
         return found
 
     @property
     def criteria(self) -> Criteria:
         """What decides."""
-        return self.motion.criteria
+        return self.output_error.criteria
 
     @property
     def base(self) -> FittedModel:
         """The best fit of the model as given."""
-        return self.motion.base
+        return self.output_error.base
 
     @property
-    def hidden(self) -> set[str]:
+    def unseen_by_force(self) -> set[str]:
         """The effects that the equation-error estimate cannot see."""
-        return {n for n in EFFECTS if self.force is None or n not in self.force.laws}
+        return {n for n in EFFECTS if self.equation_error is None or n not in self.equation_error.laws}
 
     @property
-    def single(self) -> list[FittedModel]:
+    def single_effect_fits(self) -> list[FittedModel]:
         """What was fitted out with one effect."""
-        return [f for f in self.cache.tried if len(f.effects) == 1]
+        return [f for f in self.cache.weighed if len(f.effects) == 1]
 
     @property
     def laws(self) -> dict[str, RegressionFit]:
         """What the equation-error estimate found of every law by itself."""
-        models = self.force.sets if self.force else {}
+        models = self.equation_error.sets if self.equation_error else {}
         return {next(iter(names)): fit for names, fit in models.items() if len(names) == 1}
 
     # ------------------------------------------------------------ the force that a model leaves
 
-    def acting(self, f: FittedModel) -> frozenset[str]:
+    def effects_in_force(self, f: FittedModel) -> frozenset[str]:
         """Return the effects that bear on the force: where the current is measured, those of the voltage do not."""
-        current = self.force is not None and self.force.regression.current
+        current = self.equation_error is not None and self.equation_error.regression.current
         own = {n: find_effect(n, "effects") for n in f.effects}
         only = {n for n, e in own.items() if _has(e, "input", "delay") and not _has(e, "force", "torque_constant")}
         return frozenset(own.keys() - only if current else own)
 
-    def comparable(self, f: FittedModel) -> bool:
+    def force_comparable(self, f: FittedModel) -> bool:
         """Tell whether the force that a model leaves can be compared with the base model's: not where a sensor or the
         time of the effort was changed, a load floats, an unmeasured position matters, waves are beyond the band, nor of
         noise of the motion beside a `silent` equation-error estimate, or that is left by what no force shows but of
         the input.
         """
-        if self.force is None:
+        if self.equation_error is None:
             return False
-        acting = {name: find_effect(name, "effects") for name in self.acting(f)}
+        acting = {name: find_effect(name, "effects") for name in self.effects_in_force(f)}
         effects = acting.values()
         if any((changes_effort(e) and not _has(e, "input")) or e.floating for e in effects):
             return False
         shown = {name for name, effect in acting.items() if _has(effect, "input")}
-        if f.effects and f.white and (set(f.effects) & self.hidden - shown or self.silent):
+        if f.effects and f.white and (set(f.effects) & self.unseen_by_force - shown or self.force_finds_nothing):
             return False
         waves = [1.0 for effect in effects if effect.angular and not effect.periodic]  # a weight is a wave of order one
         waves += _orders(f) if any(effect.periodic for effect in effects) else []
-        if max(waves, default=0.0) > self.force.waves.finest:
+        if max(waves, default=0.0) > self.equation_error.waves.finest:
             return False
-        pieces = self.force.training.pieces
+        pieces = self.equation_error.training.pieces
         return pieces[0].position_measured or not depends_on_place(f.model.structure)
 
-    def as_written(self, f: FittedModel) -> Array | None:
+    def force_mse_as_written(self, f: FittedModel) -> Array | None:
         """Return the mean squared force (blocks,) left of validation data, with the values in the model; None: not
         told.
         """
-        if self.force is None or not self.comparable(f):
+        if self.equation_error is None or not self.force_comparable(f):
             return None
-        known = self.cache.force_left
+        known = self.cache.force_mse
         if f not in known:
-            known[f] = self.force.residual_as_written(f.model)
+            known[f] = self.equation_error.mse_as_written(f.model)
         return known[f]
 
-    def left(self, f: FittedModel) -> Array | None:
+    def force_mse(self, f: FittedModel) -> Array | None:
         """Return the same with the values of the motion or of the force, whichever leave less: the best of a set."""
-        left = self.as_written(f)
-        if left is None or self.force is None:
+        left = self.force_mse_as_written(f)
+        if left is None or self.equation_error is None:
             return None
-        own = self.force.sets.get(self.acting(f))
-        better = own is not None and own.error < float(np.mean(left))
-        return self.force.validation.by_block(own.unseen) if own and better else left
+        own = self.equation_error.sets.get(self.effects_in_force(f))
+        better = own is not None and own.validation_mse < float(np.mean(left))
+        return self.equation_error.validation.mse_by_block(own.validation_residual) if own and better else left
 
-    def percent(self, left: Array | float | None) -> float | None:
+    def percent_of_effort(self, left: Array | float | None) -> float | None:
         """Return mean squared forces (blocks,) in per cent of the effort (RMS)."""
-        if left is None or self.force is None:
+        if left is None or self.equation_error is None:
             return None
-        return 100.0 * float(np.sqrt(np.mean(left))) / max(self.force.validation.effort, MIN_DIVISOR)
+        return 100.0 * float(np.sqrt(np.mean(left))) / max(self.equation_error.validation.effort, MIN_DIVISOR)
 
     @cached_property
-    def silent(self) -> bool:
+    def force_finds_nothing(self) -> bool:
         """Whether the equation-error estimate names nothing, and sees nothing: it is asked of nothing that leaves
         noise.
         """
-        return self.force is not None and not self.force.effects and not self.sees(self.base)
+        return self.equation_error is not None and not self.equation_error.effects and not self.force_shows(self.base)
 
     @property
-    def noise(self) -> float:
+    def force_noise_mse(self) -> float:
         """Mean square of what the sensors' noise leaves of a force."""
-        return np.inf if self.force is None else self.force.validation.noise
+        return np.inf if self.equation_error is None else self.equation_error.validation.noise_mse
 
     @property
-    def noise_percent(self) -> float:
+    def force_noise_percent(self) -> float:
         """The same in per cent of the effort."""
-        told = self.percent(self.noise)
+        told = self.percent_of_effort(self.force_noise_mse)
         return np.inf if told is None else told
 
     @property
     def of_effort(self) -> str:
         """What forces are told in per cent of, in words."""
-        free = self.force is not None and self.force.validation.free
+        free = self.equation_error is not None and self.equation_error.validation.free
         return "of the inertial force" if free else "of the effort"
 
-    def sees(self, f: FittedModel) -> bool:
+    def force_shows(self, f: FittedModel) -> bool:
         """Tell whether the equation-error estimate can tell what is in the force that a model leaves."""
-        left = self.left(f)
-        return left is not None and float(np.mean(left)) > self.criteria.min_force_over_noise**2 * self.noise
+        left = self.force_mse(f)
+        return left is not None and float(np.mean(left)) > self.criteria.min_force_over_noise**2 * self.force_noise_mse
 
-    def remaining(self, left: Array | None) -> float | None:
+    def share_left(self, left: Array | None) -> float | None:
         """Return the part of the base model's squared force, beyond the sensors' noise, that is left (blocks,)."""
-        before = self.left(self.base)
+        before = self.force_mse(self.base)
         if left is None or before is None:
             return None
-        return (float(np.mean(left)) - self.noise) / max(float(np.mean(before)) - self.noise, MIN_DIVISOR)
+        return (float(np.mean(left)) - self.force_noise_mse) / max(
+            float(np.mean(before)) - self.force_noise_mse, MIN_DIVISOR
+        )
 
-    def explains(self, f: FittedModel) -> bool:
+    def explains_force(self, f: FittedModel) -> bool:
         """Tell whether a model takes away most of a missing force that is seen."""
-        part = self.remaining(self.left(f))
-        return part is not None and self.sees(f) and part <= self.criteria.max_force_mse_left
+        part = self.share_left(self.force_mse(f))
+        return part is not None and self.force_shows(f) and part <= self.criteria.max_force_mse_left
 
-    def falls(self, before: FittedModel, after: FittedModel) -> bool:
+    def force_falls(self, before: FittedModel, after: FittedModel) -> bool:
         """Tell whether a model leaves surely less force than another one, if forces tell."""
-        a, b = self.left(before), self.left(after)
-        return a is None or b is None or mean_certainty(a, b) >= self.criteria.min_t
+        a, b = self.force_mse(before), self.force_mse(after)
+        return a is None or b is None or mean_t_ratio(a, b) >= self.criteria.min_t
 
-    def raises(self, before: FittedModel, after: FittedModel) -> bool:
+    def force_rises(self, before: FittedModel, after: FittedModel) -> bool:
         """Tell whether a model leaves more force than another one, beyond doubt, and more than the sensors' noise."""
-        a, b = self.left(before), self.left(after)
+        a, b = self.force_mse(before), self.force_mse(after)
         if a is None or b is None:
             return False
         alike = (1 + self.criteria.visible_change) ** 2 * float(np.mean(a))
-        return float(np.mean(b)) > max(alike, self.noise) and mean_certainty(a, b) < -self.criteria.tie_t
+        return float(np.mean(b)) > max(alike, self.force_noise_mse) and mean_t_ratio(a, b) < -self.criteria.tie_t
 
-    def valued(self, f: FittedModel) -> FittedModel:
+    def with_better_values(self, f: FittedModel) -> FittedModel:
         """Return the best model with some effects, with the motion's values, right near the noise, or those of the
         force, where these leave less force beyond doubt, less of both, and no channel errs more.
         """
-        motion, force, best = self.motion, self.force, self.motion.best(f)
-        if force is None or self.near_noise(best) or not (f.effects and self.comparable(f)):
+        motion, force, best = self.output_error, self.equation_error, self.output_error.best(f)
+        if force is None or self.near_noise(best) or not (f.effects and self.force_comparable(f)):
             return best
 
         def both(one: FittedModel) -> float:
-            return one.level + float(np.log(np.mean(force.residual_as_written(one.model)) + MIN_DIVISOR))
+            return one.log_mse + float(np.log(np.mean(force.mse_as_written(one.model)) + MIN_DIVISOR))
 
         f = min(f, best, key=both)
         fit = force.sets.get(frozenset(f.effects))
@@ -242,41 +245,47 @@ class Evidence:
         model = force.with_laws(fit)
         untold = set(f.model.plant.pars()) - {*force.regression.names, *scaling(force.regression.current)}
         model = model.with_parameters({n: v for n, v in f.model.parameters.items() if n in untold})
-        stated = motion.stated([n for n, _ in fit.members], model)
-        less = stated is not None and mean_certainty(
-            force.residual_as_written(f.model), force.residual_as_written(stated.model)
-        )
-        if stated is None or less < self.criteria.min_t or self.rising(f, stated, self.criteria.tie_t):
+        stated = motion.at_values_of([n for n, _ in fit.members], model)
+        less = stated is not None and mean_t_ratio(force.mse_as_written(f.model), force.mse_as_written(stated.model))
+        if stated is None or less < self.criteria.min_t or self.rising_channel(f, stated, self.criteria.tie_t):
             return f
         return min(f, stated, key=both)
 
     # ------------------------------------------------------------ rows of the tables
 
-    def told_percent(self, f: FittedModel, left: Array | None) -> float | None:
+    def shown_percent(self, f: FittedModel, left: Array | None) -> float | None:
         """Return `percent` of what a fit leaves (blocks,); not of effects where the base leaves less than the noise."""
-        base = self.left(self.base) if f.effects else None
-        return None if base is not None and float(np.mean(base)) < self.noise else self.percent(left)
+        base = self.force_mse(self.base) if f.effects else None
+        return (
+            None if base is not None and float(np.mean(base)) < self.force_noise_mse else self.percent_of_effort(left)
+        )
 
     def row(self, f: FittedModel, left: Array | None) -> LadderRow:
         """Return the row of a fit; ``left``: the mean squared force (blocks,) that it leaves of validation data."""
         dataset, noise = self.dataset, np.array(list(self.dataset.noise.values()))
-        sides = ((dataset.problem, f.training_squares), (dataset.unseen, f.validation_squares))
+        sides = ((dataset.training, f.training_squares), (dataset.validation, f.validation_squares))
         first, second = (Scores(of_windows(problem, squares, noise)) for problem, squares in sides)
         return LadderRow(
-            f.effects, first, second, self.told_percent(f, left), self.noise_percent if self.force else None
+            f.effects,
+            first,
+            second,
+            self.shown_percent(f, left),
+            self.force_noise_percent if self.equation_error else None,
         )
 
     def first_rows(self) -> FirstRows:
         """Return the first rows."""
-        given = self.row(self.motion.given, self.as_written(self.motion.given))
-        return FirstRows(given, self.row(self.base, self.left(self.base)), self.dataset.horizon)
+        given = self.row(self.output_error.unfitted, self.force_mse_as_written(self.output_error.unfitted))
+        return FirstRows(given, self.row(self.base, self.force_mse(self.base)), self.dataset.horizon)
 
-    def rising(self, before: FittedModel, after: FittedModel, times: float) -> str:
+    def rising_channel(self, before: FittedModel, after: FittedModel, times: float) -> str:
         """Return the channel whose printed error rises between models, by so many standard errors; empty if none."""
-        pairs = zip(self.dataset.problem.channels, before.validation_squares.T, after.validation_squares.T, strict=True)
-        return next((name for name, a, b in pairs if self.rises(a, b, times)), "")
+        pairs = zip(
+            self.dataset.training.channels, before.validation_squares.T, after.validation_squares.T, strict=True
+        )
+        return next((name for name, a, b in pairs if self.mse_rises(a, b, times)), "")
 
-    def rises(self, before: Array, after: Array, times: float) -> bool:
+    def mse_rises(self, before: Array, after: Array, times: float) -> bool:
         """Tell whether mean squares (blocks,) rise so that it shows, and by so many standard errors."""
         rise = after - before
         error = float(np.nanstd(rise) / np.sqrt(max(int(np.count_nonzero(np.isfinite(rise))), 1)))
@@ -285,13 +294,13 @@ class Evidence:
 
     # ------------------------------------------------------------ what counts as noise of the motion
 
-    def leaves_noise(self, f: FittedModel) -> bool:
+    def residual_is_noise(self, f: FittedModel) -> bool:
         """Tell whether a model leaves but noise: of a load that floats, and is held by a filter, over windows too."""
         return f.white and (not _floats(f) or self.near_noise(f))
 
     def near_noise(self, f: FittedModel) -> bool:
         """Tell whether a model predicts every channel to about its sensor's noise: completeness can be tested there."""
-        return f.near(self.criteria.max_rmse_over_noise)
+        return f.within_noise(self.criteria.max_rmse_over_noise)
 
     def near_any_noise(self, f: FittedModel) -> bool:
         """Tell whether a model is near the sensors' noise, or leaves noise and errs by about as much over the horizon,
@@ -299,10 +308,13 @@ class Evidence:
         """
         if self.near_noise(f):
             return True
-        if not f.clean or _floats(f):
+        if not f.residual_is_noise or _floats(f):
             return False
-        own = self.criteria.max_rmse_over_noise * np.maximum([one.over_noise for one in f.left], 1.0)
-        pairs = ((f.training_squares, self.dataset.problem.noise), (f.validation_squares, self.dataset.unseen.noise))
+        own = self.criteria.max_rmse_over_noise * np.maximum([one.over_noise for one in f.residual_tests], 1.0)
+        pairs = (
+            (f.training_squares, self.dataset.training.noise),
+            (f.validation_squares, self.dataset.validation.noise),
+        )
         return all(bool(np.all(np.sqrt(np.nanmean(squares, axis=0)) < own * noise)) for squares, noise in pairs)
 
 
@@ -312,7 +324,7 @@ def evidence_of(
     """Return both estimates of a data set, its inputs acting as the records show where the model leaves that to them;
     fits go into the ``cache``, those with inputs that act otherwise into one of their own.
     """
-    motion = estimator_of(c.problem, c.unseen, criteria, cache, progress, jobs)
+    motion = estimator_of(c.training, c.validation, criteria, cache, progress, jobs)
     force = equation_error_of(c.knowing(motion.own_values), criteria, progress)
     if asks_hold(c):
         progress.say("how the input acts")

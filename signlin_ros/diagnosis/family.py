@@ -35,10 +35,10 @@ class FamilyChoice:
 
     def _fitted(self, names: Sequence[str], start: Callable[[], Model], least: float = np.inf) -> FittedModel | None:
         """Return a fit; None where that cannot be, or -2 log likelihood does not soon come below the ``least``."""
-        motion = self.evidence.motion
+        motion = self.evidence.output_error
         try:
             model = start()
-            if least < np.inf and motion.soon(*motion.valued(names, model)) >= least:
+            if least < np.inf and motion.objective_nearby(*motion.candidate_at(names, model)) >= least:
                 return None
             found = motion.fitted(names, model)
         except InputError:
@@ -56,40 +56,48 @@ class FamilyChoice:
             kin = [n for n, law in laws.items() if family and law.effect.family == family]
             richer = [n for n in kin if n not in found.effects and n in evidence.laws]
             options, least, fit = [], np.inf, found.fit
-            if richer and found.clean and not self.imposed:
-                least = evidence.motion.soon(fit.candidate, fit.theta) - evidence.criteria.min_validation_t**2
+            if richer and found.residual_is_noise and not self.imposed:
+                least = (
+                    evidence.output_error.objective_nearby(fit.candidate, fit.theta)
+                    - evidence.criteria.min_validation_t**2
+                )
             for other in self.worth_it(found, name, richer):
                 rest = tuple(n if n != name else other for n in found.effects)
                 one = self._fitted(rest, partial(self._started, found, name, other), least)
                 options += [one] if one else []
-            better = self.of_one_force(found, options) if self.imposed else evidence.motion.alike(found, options)
+            better = (
+                self.of_one_force(found, options)
+                if self.imposed
+                else evidence.output_error.as_good_as_best(found, options)
+            )
             found = next(
-                (one for one in better if self.imposed or not evidence.sees(found) or self._shows(found, one)), found
+                (one for one in better if self.imposed or not evidence.force_shows(found) or self._shows(found, one)),
+                found,
             )
         return found
 
     def worth_it(self, found: FittedModel, name: str, richer: Sequence[str]) -> list[str]:
         """Return the laws in place of ``name`` that take visible force away, or the best; all where none is seen."""
-        if self.imposed or not self.evidence.sees(found):
+        if self.imposed or not self.evidence.force_shows(found):
             return list(richer)
         models, names = self.force.sets, frozenset(found.effects)
-        errors = {n: models[names - {name} | {n}].error for n in richer if names - {name} | {n} in models}
+        errors = {n: models[names - {name} | {n}].validation_mse for n in richer if names - {name} | {n} in models}
         if names not in models or not errors:
             return list(richer)
-        most = models[names].error - self._shown
+        most = models[names].validation_mse - self._shown
         best = min(errors, key=lambda n: errors[n])
         return [n for n in richer if n == best or errors.get(n, 0.0) < most]
 
     def _shows(self, before: FittedModel, after: FittedModel) -> bool:
         """Tell whether a richer law surely takes away force, and a visible part of all that is missing."""
-        a, b = (self.evidence.left(f) for f in (before, after))
+        a, b = (self.evidence.force_mse(f) for f in (before, after))
         gone = 0.0 if a is None or b is None else float(np.mean(a) - np.mean(b))
-        return self.evidence.falls(before, after) and gone > self._shown
+        return self.evidence.force_falls(before, after) and gone > self._shown
 
     @property
     def _shown(self) -> float:
         """A visible part of all the squared force that is missing."""
-        return self.evidence.criteria.min_share_per_parameter * self.force.base.error
+        return self.evidence.criteria.min_share_per_parameter * self.force.base.validation_mse
 
     def _started(self, found: FittedModel, name: str, other: str) -> Model:
         """Return a fitted model with another law in place of one, as the equation-error estimate fitted it alone."""
@@ -105,8 +113,10 @@ class FamilyChoice:
         force = self.force
         if not self.imposed:
             return found
-        others = [f for names, f in force.sets.items() if f.error < force.fit.error and names in force.sound]
-        best = sorted(others, key=lambda f: f.error)[: self.evidence.criteria.beam_width]
+        others = [
+            f for names, f in force.sets.items() if f.validation_mse < force.fit.validation_mse and names in force.sound
+        ]
+        best = sorted(others, key=lambda f: f.validation_mse)[: self.evidence.criteria.beam_width]
         better = self.of_one_force(found, [one for one in map(self.simulated, best) if one])
         return better[0] if better else found
 
@@ -114,12 +124,14 @@ class FamilyChoice:
         """Return the options to stand in a model's place where the motion is imposed: they take away a visible part of
         the force in all its band, beyond doubt or half of what is left, and do not leave more in the low-pass.
         """
-        evidence, c, motion = self.evidence, self.evidence.criteria, self.evidence.motion
-        most = found.errors**2 - c.min_share_per_parameter * motion.base.errors**2
-        visible = [one for one in options if not evidence.raises(found, one) and np.any(one.errors**2 < most)]
-        gains = [(one, motion.gain(found, one)) for one in visible if not one.insignificant(c)]
-        halved = [one for one, g in gains if g.share >= HALF and g.certainty >= c.min_validation_t]
-        return motion.alike(found, visible) or sorted(halved, key=lambda one: one.level)
+        evidence, c, motion = self.evidence, self.evidence.criteria, self.evidence.output_error
+        most = found.validation_rmse**2 - c.min_share_per_parameter * motion.base.validation_rmse**2
+        visible = [
+            one for one in options if not evidence.force_rises(found, one) and np.any(one.validation_rmse**2 < most)
+        ]
+        gains = [(one, motion.improvement(found, one)) for one in visible if not one.insignificant(c)]
+        halved = [one for one, g in gains if g.mse_reduction >= HALF and g.t_ratio >= c.min_validation_t]
+        return motion.as_good_as_best(found, visible) or sorted(halved, key=lambda one: one.log_mse)
 
 
 __all__ = ["FamilyChoice"]

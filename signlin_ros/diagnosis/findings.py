@@ -44,7 +44,7 @@ class Findings:
 
 def findings_of(evidence: Evidence, verdict: Verdict, model: Model, told: Collection[str]) -> Findings:
     """Return the values that pages show of a verdict; ``model``: as proposed, ``told``: its parameters in tables."""
-    problem, unseen = evidence.dataset.problem, evidence.dataset.unseen
+    problem, unseen = evidence.dataset.training, evidence.dataset.validation
     best = nearest(evidence)
     return Findings(
         base=problem.base,
@@ -62,7 +62,7 @@ def findings_of(evidence: Evidence, verdict: Verdict, model: Model, told: Collec
 
 def nearest(evidence: Evidence) -> FittedModel | None:
     """Return the best single effect that was fitted, named or not; None where none was."""
-    return min(evidence.single, key=attrgetter("level"), default=None)
+    return min(evidence.single_effect_fits, key=attrgetter("log_mse"), default=None)
 
 
 def _named(evidence: Evidence, verdict: Verdict) -> dict[str, EffectEvidence]:
@@ -73,7 +73,7 @@ def _named(evidence: Evidence, verdict: Verdict) -> dict[str, EffectEvidence]:
 
 def _best(evidence: Evidence, verdict: Verdict) -> dict[str, EffectEvidence]:
     """Return the evidence of the best single effect that shows as a force, where none is named."""
-    for f in () if verdict.names else sorted(evidence.single, key=attrgetter("level")):
+    for f in () if verdict.names else sorted(evidence.single_effect_fits, key=attrgetter("log_mse")):
         found = effect_evidence(evidence, f, f.effects[0])
         if found is not None:
             return {f.effects[0]: found}

@@ -22,7 +22,7 @@ from signlin_ros.diagnosis.dataset import Dataset
 from signlin_ros.diagnosis.equation_error.estimate import EquationErrorResult
 from signlin_ros.diagnosis.output_error import OutputErrorEstimator
 from signlin_ros.diagnosis.output_error.fitting import LAST_STEPS
-from signlin_ros.diagnosis.output_error.score import gain, level, windowed
+from signlin_ros.diagnosis.output_error.score import improvement, log_mse, windowed
 from signlin_ros.diagnosis.results import listed
 from signlin_ros.errors import InputError, SimulationError
 from signlin_ros.fitting.fit import fit
@@ -62,7 +62,7 @@ class HoldTrial:
     @property
     def model(self) -> Model:
         """The model whose inputs act so."""
-        return self.motion.problem.base
+        return self.motion.training.base
 
     @property
     def hold(self) -> Hold:
@@ -72,13 +72,13 @@ class HoldTrial:
     @property
     def best(self) -> Names:
         """The effects of the least error."""
-        noise = self.motion.problem.noise
-        return min(self.known, key=lambda names: level(self.known[names], noise))
+        noise = self.motion.training.noise
+        return min(self.known, key=lambda names: log_mse(self.known[names], noise))
 
     @property
     def level(self) -> float:
         """The least error, as one number."""
-        return level(self.known[self.best], self.motion.problem.noise)
+        return log_mse(self.known[self.best], self.motion.training.noise)
 
 
 def asks_hold(c: Dataset) -> bool:
@@ -88,7 +88,7 @@ def asks_hold(c: Dataset) -> bool:
 
 def at_noise(motion: OutputErrorEstimator, squares: Array) -> bool:
     """Tell whether mean squared errors (blocks, channels) of training data are those of noise: no hold matters then."""
-    return bool(np.all(np.sqrt(np.nanmean(squares, axis=0)) <= AT_NOISE_RATIO * motion.problem.noise))
+    return bool(np.all(np.sqrt(np.nanmean(squares, axis=0)) <= AT_NOISE_RATIO * motion.training.noise))
 
 
 def with_hold(
@@ -105,37 +105,37 @@ def with_hold(
         return None
     named = [first, *(one for hold in FURTHER_HOLDS if (one := _other(motion, force, hold)) is not None)]
     best = min(named, key=lambda one: one.level)
-    same = 2.0 * criteria.visible_change * len(c.problem.channels)
+    same = 2.0 * criteria.visible_change * len(c.training.channels)
     best = first if best.hold == LINEAR and first.level - best.level < same else best
-    unseen = gain(held.unseen[held.best](), best.unseen[best.best](), c.unseen.noise)
-    if unseen.certainty < -criteria.max_rise_t:
+    unseen = improvement(held.unseen[held.best](), best.unseen[best.best](), c.validation.noise)
+    if unseen.t_ratio < -criteria.max_rise_t:
         return None
     if not _better(_again(held, force, best), best, criteria):
         return None
     told = _said(c, held, best)
-    problem = replace(best.motion.problem, notes=(*best.motion.problem.notes, told))
-    return replace(c, problem=problem, unseen=best.motion.unseen, told_hold=told), best.motion
+    problem = replace(best.motion.training, notes=(*best.motion.training.notes, told))
+    return replace(c, training=problem, validation=best.motion.validation, told_hold=told), best.motion
 
 
 def _tried(motion: OutputErrorEstimator, force: EquationErrorResult | None, stop: bool = False) -> HoldTrial:
     """Fit the base and the leading laws with the hold of an estimate; ``stop``: as soon as one leaves but noise."""
-    gains, problem, base = motion.problem.levels[1], motion.problem, motion.base
+    gains, problem, base = motion.training.observer_gains[1], motion.training, motion.base
     known: dict[Names, Array] = {(): base.training_squares}
     rest: dict[Names, Callable[[], Array]] = {(): lambda: base.validation_squares}
     at: dict[Names, Array] = {}
     for names, start in _leading(force):
-        if stop and at_noise(motion, min(known.values(), key=lambda squares: level(squares, problem.noise))):
+        if stop and at_noise(motion, min(known.values(), key=lambda squares: log_mse(squares, problem.noise))):
             break
         motion.progress.check()
         try:
-            c, theta = motion.valued(names, start)
+            c, theta = motion.candidate_at(names, start)
         except InputError:
             continue
         found = fit(motion.short, c, gains, theta, LAST_STEPS)
         if found is not None:
             known[names] = windowed(problem, c, found.theta, gains)
             at[names] = found.theta
-            rest[names] = functools.partial(windowed, motion.unseen, c, found.theta, gains)
+            rest[names] = functools.partial(windowed, motion.validation, c, found.theta, gains)
     return HoldTrial(motion, known, rest, at)
 
 
@@ -143,7 +143,7 @@ def _leading(force: EquationErrorResult | None) -> Iterator[tuple[Names, Model]]
     """Yield the effects that the force names, and the single laws that leave least of it, with their values."""
     if force is None:
         return
-    single = sorted((f for f in force.sets.values() if len(f.members) == 1), key=lambda f: f.trained)
+    single = sorted((f for f in force.sets.values() if len(f.members) == 1), key=lambda f: f.training_mse)
     chosen = [force.fit] if force.effects else []
     for f in [*chosen, *(one for one in single if one.names != force.fit.names)][: LEADING + 1]:
         with suppress(InputError):  # a value that a model may not have
@@ -157,11 +157,11 @@ def _again(held: HoldTrial, force: EquationErrorResult | None, other: HoldTrial)
     motion, names, known = held.motion, other.best, dict(held.known)
     start = next((model for one, model in _leading(force) if one == names), None)
     if start is not None and names in other.at:
-        c, _ = motion.valued(names, start)
-        found = fit(motion.short, c, motion.problem.levels[1], other.at[names], LAST_STEPS)
+        c, _ = motion.candidate_at(names, start)
+        found = fit(motion.short, c, motion.training.observer_gains[1], other.at[names], LAST_STEPS)
         if found is not None:
-            squares = windowed(motion.problem, c, found.theta, motion.problem.levels[1])
-            known[names] = min(known.get(names, squares), squares, key=lambda one: level(one, motion.problem.noise))
+            squares = windowed(motion.training, c, found.theta, motion.training.observer_gains[1])
+            known[names] = min(known.get(names, squares), squares, key=lambda one: log_mse(one, motion.training.noise))
     return replace(held, known=known)
 
 
@@ -175,9 +175,9 @@ def _other(motion: OutputErrorEstimator, force: EquationErrorResult | None, hold
 
 def _better(before: HoldTrial, after: HoldTrial, criteria: Criteria) -> bool:
     """Tell whether the best of a hold is surely, and visibly, better than the best of another."""
-    found = gain(before.known[before.best], after.known[after.best], before.motion.problem.noise)
-    sure = found.certainty >= criteria.min_t and not found.worsens(criteria.max_rise_t, criteria.visible_change)
-    return sure and bool(np.any(found.ratios <= BETTER))
+    found = improvement(before.known[before.best], after.known[after.best], before.motion.training.noise)
+    sure = found.t_ratio >= criteria.min_t and not found.worsens(criteria.max_rise_t, criteria.visible_change)
+    return sure and bool(np.any(found.rmse_ratios <= BETTER))
 
 
 def _errors(one: HoldTrial, names: Names) -> Array:
@@ -193,8 +193,8 @@ def _said(c: Dataset, held: HoldTrial, taken: HoldTrial) -> str:
     names = () if shows else taken.best
     a, b = _errors(held, names), _errors(taken, names)
     k = int(np.argmin(b / a))
-    channel = c.problem.channels[k]
-    unit = c.problem.shown(c.problem.units.get(channel, c.model.units.get(channel, "")))
+    channel = c.training.channels[k]
+    unit = c.training.shown(c.training.units.get(channel, c.model.units.get(channel, "")))
     how = HOLD_WORDS[str(taken.hold)]
     what = f"with {listed(names)}" if names else "of the refitted model"
     figures = f"error of {channel} over {c.horizon:.3g} s {a[k]:.3g} -> {b[k]:.3g} {unit}"

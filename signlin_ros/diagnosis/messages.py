@@ -102,7 +102,7 @@ def further(c: Dataset) -> str:
     """Return which signal of validation data goes furthest beyond known ones, by half their amplitude or more, if
     any.
     """
-    known, unseen = (_reaches(problem) for problem in (c.problem, c.unseen))
+    known, unseen = (_reaches(problem) for problem in (c.training, c.validation))
     found = {}
     for name in known.keys() & unseen.keys():
         (low, high), (least, most) = known[name], unseen[name]
@@ -111,7 +111,7 @@ def further(c: Dataset) -> str:
     name = max(sorted(found), key=lambda n: found[n], default="")
     if not name or found[name] < HALF:
         return ""
-    unit = c.problem.shown(c.problem.units.get(name, ""))
+    unit = c.training.shown(c.training.units.get(name, ""))
     (least, most), (low, high) = unseen[name], known[name]
     return f"there {name} goes from {least:.3g} to {most:.3g} {unit}, in those from {low:.3g} to {high:.3g} {unit}."
 
@@ -125,16 +125,16 @@ def _reaches(problem: Problem) -> dict[str, tuple[float, float]]:
 
 def _unsure(evidence: Evidence, verdict: Verdict) -> str:
     """Return which effects alone take most of what is missing away, of a force that is seen too, but not surely."""
-    motion, c, found = evidence.motion, evidence.criteria, dict[str, float]()
-    for f in sorted(evidence.single, key=lambda f: f.size):
+    motion, c, found = evidence.output_error, evidence.criteria, dict[str, float]()
+    for f in sorted(evidence.single_effect_fits, key=lambda f: f.n_parameters):
         g, certainty, part = (
-            motion.gain(verdict.base, f),
-            motion.certainty(verdict.base, f),
-            evidence.remaining(evidence.left(f)),
+            motion.improvement(verdict.base, f),
+            motion.t_ratio(verdict.base, f),
+            evidence.share_left(evidence.force_mse(f)),
         )
-        if evidence.sees(verdict.base) and (part is None or part > HALF):
+        if evidence.force_shows(verdict.base) and (part is None or part > HALF):
             continue
-        if g.share > HALF and 0.0 < certainty < c.min_t and not g.worsens(c.max_rise_t, c.visible_change):
+        if g.mse_reduction > HALF and 0.0 < certainty < c.min_t and not g.worsens(c.max_rise_t, c.visible_change):
             found[f.effects[0]] = certainty
     if not found:
         return ""
@@ -148,7 +148,7 @@ def falls(evidence: Evidence, verdict: Verdict, before: FittedModel, after: Fitt
     """Return by how much the errors on validation data fall from one model to another: the force, and the motion."""
     parts = []
     a, b = (
-        evidence.told_percent(f, force_left(evidence, f, verdict.final)) for f in (before, after)
+        evidence.shown_percent(f, force_left(evidence, f, verdict.final)) for f in (before, after)
     )  # what no row shows is not told
     if a is not None and b is not None and b < (1 - evidence.criteria.visible_change) * a:
         parts.append(f"the missing force falls from {a:.3g} % to {b:.3g} % {evidence.of_effort}")
@@ -157,8 +157,8 @@ def falls(evidence: Evidence, verdict: Verdict, before: FittedModel, after: Fitt
 
 
 def _errors_fall(evidence: Evidence, before: FittedModel, after: FittedModel, parts: list[str]) -> list[str]:
-    problem, horizon = evidence.dataset.problem, evidence.dataset.horizon
-    for name, first, last in zip(problem.channels, before.errors, after.errors, strict=True):
+    problem, horizon = evidence.dataset.training, evidence.dataset.horizon
+    for name, first, last in zip(problem.channels, before.validation_rmse, after.validation_rmse, strict=True):
         if last < (1 - evidence.criteria.visible_change) * first:
             verb, unit = "" if parts else "falls ", problem.shown(problem.units.get(name, ""))
             what = f"the error of {name} over {horizon:.3g} s {verb}from {first:.3g} to {last:.3g} {unit}"
@@ -168,7 +168,7 @@ def _errors_fall(evidence: Evidence, before: FittedModel, after: FittedModel, pa
 
 def remainder(evidence: Evidence, verdict: Verdict) -> str:
     """Return a sentence on the residual in per cent of the effort, and on the curve that would take it away."""
-    noise = evidence.noise_percent
+    noise = evidence.force_noise_percent
     if verdict.names and verdict.imposed is not None:
         return f" Over {evidence.dataset.horizon:.3g} s, {verdict.imposed:.3g} % of the spread of the force is left."
     if verdict.names and verdict.percent is None:
@@ -194,9 +194,9 @@ def _motion_left(evidence: Evidence, verdict: Verdict) -> str:
     if evidence.near_noise(verdict.final):
         return ""
     times = (
-        verdict.final.errors / np.maximum(list(evidence.dataset.noise.values()), 1e-300)
+        verdict.final.validation_rmse / np.maximum(list(evidence.dataset.noise.values()), 1e-300)
     ).tolist()  # as the rows have it
-    most, name = max(zip(times, evidence.dataset.problem.channels, strict=True))
+    most, name = max(zip(times, evidence.dataset.training.channels, strict=True))
     alone = ": no other listed effect takes that away" if verdict.alone else ""
     return f" Over {evidence.dataset.horizon:.3g} s, {name} errs by {most:.3g} times its sensor's noise{alone}."
 
@@ -204,9 +204,9 @@ def _motion_left(evidence: Evidence, verdict: Verdict) -> str:
 def _left_over(evidence: Evidence, verdict: Verdict) -> str:
     if verdict.percent is None:
         return ": the residual is noise" if verdict.final.white else ""
-    noise = evidence.noise_percent
+    noise = evidence.force_noise_percent
     left = f"the force that is left is {verdict.percent:.3g} % {evidence.of_effort}, the sensors' noise {noise:.3g} %"
-    if verdict.label != "adequate" or verdict.percent <= evidence.noise_percent:
+    if verdict.label != "adequate" or verdict.percent <= evidence.force_noise_percent:
         return f": {left}"
     if evidence.near_noise(verdict.final):
         return f": the motion is followed to about its sensors' noise; {left}"
@@ -215,8 +215,8 @@ def _left_over(evidence: Evidence, verdict: Verdict) -> str:
 
 def _unpredictable(verdict: Verdict, percent: float) -> str:
     """Return why more than the sensors' noise counts as noise: nothing that is known predicts it."""
-    if verdict.final.clean:
-        share = max(0.0, *(one.dependent for one in verdict.final.left))
+    if verdict.final.residual_is_noise:
+        share = max(0.0, *(one.dependent for one in verdict.final.residual_tests))
         return f"; {100 * share:.1g} % of what the motion lacks goes with position, velocity, input or time"
     curve = verdict.flexible.percent
     return f"; a flexible curve would leave {curve:.3g} %" if curve < percent else "; no flexible curve takes it away"
@@ -232,7 +232,7 @@ def remarks(evidence: Evidence, verdict: Verdict) -> list[str]:
         own = ", ".join(
             f"{n} {p.value:.3g} {p.unit}" for n, p in evidence.contradicted.parameters.items() if p.note != "held"
         )
-        left = evidence.percent(evidence.as_written(evidence.contradicted)) or 0.0
+        left = evidence.percent_of_effort(evidence.force_mse_as_written(evidence.contradicted)) or 0.0
         found.append(
             f"the motion alone would have base parameters that the forces contradict ({own}: {left:.3g} % of the "
             "effort is left); they are held at what the force tells of them"
@@ -242,7 +242,7 @@ def remarks(evidence: Evidence, verdict: Verdict) -> list[str]:
         found.append(
             f"{HELD_INPUTS} {joined(_errors_fall(evidence, verdict.final, verdict.sampled, []))} on validation data"
         )
-    for key, waves in evidence.motion.few_waves(verdict.final).items():
+    for key, waves in evidence.output_error.few_waves(verdict.final).items():
         found.append(
             f"the records hold {waves:.1f} periods of {key}: that it goes on to repeat beyond where they have been is "
             "assumed; a record over a longer way would show it"
@@ -252,14 +252,14 @@ def remarks(evidence: Evidence, verdict: Verdict) -> list[str]:
 
 def _risen(evidence: Evidence, verdict: Verdict) -> list[str]:
     """Return which row rises with what leaves but noise, and why that is nothing against it."""
-    base, final, problem = evidence.base, verdict.final, evidence.dataset.problem
-    if not verdict.names or not evidence.motion.settles(base, final):
+    base, final, problem = evidence.base, verdict.final, evidence.dataset.training
+    if not verdict.names or not evidence.output_error.settles(base, final):
         return []
-    channel = evidence.rising(base, final, evidence.criteria.max_rise_t)
+    channel = evidence.rising_channel(base, final, evidence.criteria.max_rise_t)
     if not channel:
         return []
     k, unit = problem.channels.index(channel), problem.shown(problem.units.get(channel, ""))
-    rise = f"from {base.errors[k]:.3g} to {final.errors[k]:.3g} {unit}"
+    rise = f"from {base.validation_rmse[k]:.3g} to {final.validation_rmse[k]:.3g} {unit}"
     why = "what is left of the training data is noise, so that is chance, or of parameters that they hardly tell"
     return [f"with {listed(verdict.names)} the error of {channel} on validation data rises {rise}: {why}"]
 
@@ -275,7 +275,7 @@ def shown(evidence: Evidence, f: FittedModel, effect: str) -> str:
     for n, value in f.model.effects[key].parameters.items():
         known = f.parameters.get(f"{key}.{n}") or ParameterEstimate(value, None, units.get(f"{key}.{n}", ""))
         values[n] = Shown(value, known.unit, known.std)
-    force = "force" if plant.force_unit == "N" and not evidence.dataset.problem.turns else "torque"
+    force = "force" if plant.force_unit == "N" and not evidence.dataset.training.turns else "torque"
     return cls.shown(gathered(values), force, plant.position, plant.velocity)
 
 
@@ -293,7 +293,7 @@ def why_named(evidence: Evidence, verdict: Verdict, effect: str) -> str:
 
 def why_not(evidence: Evidence, verdict: Verdict, f: FittedModel) -> str:
     """Return why an effect that was tried alone is not named."""
-    if why := evidence.motion.refused(verdict.base, f):
+    if why := evidence.output_error.refusal(verdict.base, f):
         return f"on validation data {why}" if why.startswith("the error of") else why
     a, b = force_percent(evidence, verdict.base, verdict.final), force_percent(evidence, f, verdict.final)
     if a is not None and b is not None and b > a:

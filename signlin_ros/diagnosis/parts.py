@@ -44,12 +44,15 @@ def _weakest(evidence: Evidence, verdict: Verdict) -> tuple[str, str] | None:
     found = dict[str, tuple[float, str]]()
     more = verdict.reason in REMAINDER_REASONS or not (verdict.reason or verdict.final.white)
     least = (
-        min(verdict.names, key=lambda n: evidence.motion.gain(verdict.without[n], verdict.final).share)
+        min(
+            verdict.names,
+            key=lambda n: evidence.output_error.improvement(verdict.without[n], verdict.final).mse_reduction,
+        )
         if len(verdict.names) > 1
         else ""
     )
     for name in verdict.names:
-        size = verdict.final.certainty(name)
+        size = verdict.final.t_ratio(name)
         if len(verdict.names) > 1 and _takes_nothing(evidence, verdict, verdict.without[name], bool(verdict.reason)):
             found[name] = size, "beside the others it takes away less than shows of what is missing"
         elif more and name == least and (bent := _bent(evidence, verdict, name)):
@@ -63,14 +66,14 @@ def _weakest(evidence: Evidence, verdict: Verdict) -> tuple[str, str] | None:
 
 def _bent(evidence: Evidence, verdict: Verdict, name: str) -> str:
     """Return the base parameters that end far from nominal with an effect, and not without it."""
-    return joined(sorted(verdict.far.keys() - verdict.without[name].far(evidence.criteria).keys()) or [""])
+    return joined(sorted(verdict.far.keys() - verdict.without[name].far_from_nominal(evidence.criteria).keys()) or [""])
 
 
 def _asked(evidence: Evidence, verdict: Verdict, name: str) -> float:
     """Return by how many of its own standard errors an effect is to differ from nothing: these hold what is not known
     of the base model's scale too, so that fewer do for one that takes most of what is left without it away.
     """
-    most = evidence.motion.gain(verdict.without[name], verdict.final).share > HALF
+    most = evidence.output_error.improvement(verdict.without[name], verdict.final).mse_reduction > HALF
     return evidence.criteria.min_validation_t if most else evidence.criteria.min_coefficient_t
 
 
@@ -80,10 +83,10 @@ def _takes_nothing(evidence: Evidence, verdict: Verdict, without: FittedModel, l
     no reason for it.
     """
     final, base, c = verdict.final, verdict.base, evidence.criteria
-    gone = without.errors**2 - final.errors**2
-    shown = gone > c.visible_change**2 * base.errors**2
+    gone = without.validation_rmse**2 - final.validation_rmse**2
+    shown = gone > c.visible_change**2 * base.validation_rmse**2
     if left:
-        shown &= final.errors < (1.0 - c.visible_change) * without.errors
+        shown &= final.validation_rmse < (1.0 - c.visible_change) * without.validation_rmse
     before, after = force_percent(evidence, without, final), verdict.percent
     most = force_percent(evidence, base, final) or 0.0
     force = before is not None and after is not None and before**2 - after**2 > (c.visible_change * most) ** 2

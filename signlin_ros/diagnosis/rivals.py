@@ -46,24 +46,24 @@ def rivals(evidence: Evidence, verdict: Verdict) -> tuple[Rival, ...]:
     """
     least = evidence.criteria.min_t
     best: dict[tuple[str, ...], FittedModel] = {}
-    for f in sorted((*evidence.cache.tried, verdict.base), key=attrgetter("level"), reverse=True):
+    for f in sorted((*evidence.cache.weighed, verdict.base), key=attrgetter("log_mse"), reverse=True):
         best[f.kind] = f
     best.pop(verdict.final.kind, None)
-    others = [f for f in best.values() if not f.implausible and evidence.motion.certainty(f, verdict.final) < least]
+    others = [f for f in best.values() if not f.implausible and evidence.output_error.t_ratio(f, verdict.final) < least]
     others = [f for f in others if len(f.effects) <= max(len(verdict.final.effects), 1)]
-    chosen = [verdict.final, *sorted(others, key=attrgetter("level"))[: MAX_RIVALS - 1]]
+    chosen = [verdict.final, *sorted(others, key=attrgetter("log_mse"))[: MAX_RIVALS - 1]]
     return tuple(rival(f) for f in chosen)
 
 
 def rival(f: FittedModel) -> Rival:
     """Return a fit as a rival: the covariance has the larger of its standard errors, and the correlations of noise."""
-    slopes = np.array([one.k.slope(one.x) for one in f.known])
-    stds = np.minimum(np.array([one.std for one in f.known]) * np.abs(slopes), np.sqrt(MAX_VARIANCE))
+    slopes = np.array([one.k.slope(one.x) for one in f.coordinates])
+    stds = np.minimum(np.array([one.std for one in f.coordinates]) * np.abs(slopes), np.sqrt(MAX_VARIANCE))
     bread = f.covariances[0]
     size = np.sqrt(np.maximum(np.diag(bread), 1e-300))
     correlation = bread / np.outer(size, size) * np.outer(np.sign(slopes), np.sign(slopes))
     covariance = correlation * np.outer(stds, stds)
-    names, rows = tuple(one.k.name for one in f.known), tuple(map(tuple, covariance.tolist()))
+    names, rows = tuple(one.k.name for one in f.coordinates), tuple(map(tuple, covariance.tolist()))
     return Rival(f.effects, f.model.to_yaml(), names, rows)
 
 

@@ -1,6 +1,18 @@
-"""Two estimates, one rule of agreement: which effects both of them can stand for.
+"""Model selection: the effects that the equation error and the output error both support.
 
-The equation-error estimate goes first; the output-error estimate confirms by simulation, and adds what no force shows.
+`select_model` goes through these steps; each function returns a fitted model, or None where its condition fails.
+
+| step | condition | the model after it |
+|---|---|---|
+| `_confirmed_by_simulation` | the equation error has laws; simulated, they lower the validation error | these laws |
+| `_unless_angular` | it leaves a white residual | it, or one with an effect of an angle that is surely better |
+| `_single_law_search` | it leaves more than noise | one law that leaves only noise by itself |
+| `_with_unseen_effect` | the output error refused the laws | they, beside an effect that acts on no force |
+| `OutputErrorEstimator.search` | none of these explains the force | the end of a forward search by simulation |
+| `_resolved` | two models were found | the better one, or the base and why the estimates differ |
+| `smallest_as_good` | always | of what is as good, the fewest effects, then the fewest parameters |
+| `single_effect_leaving_noise`, `better_option` | more than noise is left | a law by itself, or of one's family |
+| `Evidence.with_better_values` | always | the same effects, with parameters of the motion or of the force |
 """
 
 from __future__ import annotations
@@ -20,7 +32,7 @@ from signlin_ros.diagnosis.family import FamilyChoice
 from signlin_ros.diagnosis.output_error import FittedModel, OutputErrorEstimator
 from signlin_ros.diagnosis.output_error.trials import completed, free_key
 from signlin_ros.diagnosis.results import listed
-from signlin_ros.diagnosis.single_laws import complete, fit_every_law, fit_families, settled
+from signlin_ros.diagnosis.single_laws import explains_to_noise, fit_every_law, fit_families, needs_no_search
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import SignlinError
 
@@ -32,10 +44,10 @@ if TYPE_CHECKING:
 class Selection:
     """A model that both estimates support.
 
-    ``chosen``: that model; ``conflict``: in words why the estimates differ, empty where they agree; ``asked``: the
-    effect that `add` was asked for; ``untold``: why validation data do not tell of what was chosen before, where the
-    model without it took its place (a key of `REASONS`); ``dropped``: effects that were chosen beside others and tell
-    nothing, and why; ``rivals`` of a plan, refitted.
+    ``chosen``: that model; ``conflict``: a sentence why the estimates differ, empty where they agree; ``asked``: the
+    effect that `add` was asked for; ``untold``: where the base model took the place of a choice that validation data
+    cannot decide on, the reason (a key of `REASONS`); ``dropped``: reasons by effect, of those that were chosen beside
+    others and lower no error; ``rivals`` of a planned experiment, refitted.
     """
 
     chosen: FittedModel
@@ -47,115 +59,120 @@ class Selection:
 
 
 def select_model(evidence: Evidence) -> Selection:
-    """Return the model that both estimates support: of what is as good, that with the fewest effects; before more than
-    noise is left, what leaves it by itself.
-    """
-    if evidence.force:
-        starts = {n: evidence.force.values(f, n) for n, f in evidence.laws.items() if np.any(f.theta[f.spans[n]])}
-        evidence = replace(evidence, motion=replace(evidence.motion, starts=starts))
-    final, conflict = _stood_for(evidence)
-    final = fewest(evidence, final)
+    """Return the model that both estimates support; the steps are those of the table above."""
+    if evidence.equation_error:
+        starts = {
+            n: evidence.equation_error.values(f, n) for n, f in evidence.laws.items() if np.any(f.theta[f.spans[n]])
+        }
+        evidence = replace(evidence, output_error=replace(evidence.output_error, starts=starts))
+    final, conflict = _first_choice(evidence)
+    final = smallest_as_good(evidence, final)
     conflict = conflict.format(listed(final.effects))
-    options = [] if settled(evidence, final) else fit_every_law(evidence, final)
-    options += [] if complete(evidence, final) else fit_families(evidence, final)
-    final = fewest(evidence, final) if options else final
-    other = alone(evidence, final) or better(evidence, final, options)
-    final = evidence.valued(fewest(evidence, other) if other else final)
+    options = [] if needs_no_search(evidence, final) else fit_every_law(evidence, final)
+    options += [] if explains_to_noise(evidence, final) else fit_families(evidence, final)
+    final = smallest_as_good(evidence, final) if options else final
+    other = single_effect_leaving_noise(evidence, final) or better_option(evidence, final, options)
+    final = evidence.with_better_values(smallest_as_good(evidence, other) if other else final)
     return Selection(evidence.base if final.implausible else final, "" if other else conflict)
 
 
-def _stood_for(evidence: Evidence) -> tuple[FittedModel, str]:
-    """Return the model to stand for, and why the estimates differ."""
-    base, force = evidence.base, evidence.force
-    first = _confirmed(evidence, force) if force and force.effects else None
+def _first_choice(evidence: Evidence) -> tuple[FittedModel, str]:
+    """Return the first model that both estimates support, and why they differ (empty where they do not)."""
+    base, force = evidence.base, evidence.equation_error
+    first = _confirmed_by_simulation(evidence, force) if force and force.effects else None
     if first is not None and first.white:
-        return _unless_turning(evidence, first), ""
-    if first is not None and (whole := _by_itself(evidence, first)):
+        return _unless_angular(evidence, first), ""
+    if first is not None and (whole := _single_law_search(evidence, first)):
         return whole, ""
-    if first is None and evidence.cache.tried:
-        together = _together(evidence, evidence.cache.tried[0])
+    if first is None and evidence.cache.weighed:
+        together = _with_unseen_effect(evidence, evidence.cache.weighed[0])
         if together is not None:
             return together, ""
-    if first is None or not evidence.explains(first):
-        path = evidence.motion.search(evidence.criteria.max_effects, _searched(evidence), partial(_by_itself, evidence))
+    if first is None or not evidence.explains_force(first):
+        path = evidence.output_error.search(
+            evidence.criteria.max_effects, _names_to_search(evidence), partial(_single_law_search, evidence)
+        )
         evidence.cache.keep(*(f for step in path for f in step))
-        return _chosen(evidence, [first] if first else [], path[-1][0])
-    found = _best_of(evidence, base, evidence.hidden, rival=first) or base
-    beside = _best_of(evidence, first, evidence.hidden)
-    return _chosen(evidence, [f for f in (first, beside) if f], found)
+        return _resolved(evidence, [first] if first else [], path[-1][0])
+    found = _best_extension(evidence, base, evidence.unseen_by_force, rival=first) or base
+    beside = _best_extension(evidence, first, evidence.unseen_by_force)
+    return _resolved(evidence, [f for f in (first, beside) if f], found)
 
 
-def _by_itself(evidence: Evidence, now: FittedModel) -> FittedModel | None:
-    """Return the law that leaves noise by itself, of all that there are, before another one is sought beside one."""
+def _single_law_search(evidence: Evidence, now: FittedModel) -> FittedModel | None:
+    """Fit every law of the catalogue by itself, and return the one that leaves only noise; None where none does."""
     fit_every_law(evidence, now)
-    return alone(evidence, now)
+    return single_effect_leaving_noise(evidence, now)
 
 
-def _unless_turning(evidence: Evidence, first: FittedModel) -> FittedModel:
-    """Return the model that explains force and motion, or one with an effect of an angle that nobody said is one, where
-    that leaves noise, and surely less: for what the band leaves of it, a weight is a cubic spring.
+def _unless_angular(evidence: Evidence, first: FittedModel) -> FittedModel:
+    """Return ``first``, or a model with an effect of an angle where that leaves only noise and errs surely less.
+
+    The equation error compares forces below a cut-off; there a weight looks like a cubic spring.
     """
-    turning = {n for n in evidence.hidden if EFFECTS[n].angular}
-    other = _best_of(evidence, evidence.base, turning, rival=first) if turning else None
+    turning = {n for n in evidence.unseen_by_force if EFFECTS[n].angular}
+    other = _best_extension(evidence, evidence.base, turning, rival=first) if turning else None
     better = (
         other
-        and complete(evidence, other)
-        and not evidence.raises(first, other)
-        and not evidence.motion.refused(first, other)
+        and explains_to_noise(evidence, other)
+        and not evidence.force_rises(first, other)
+        and not evidence.output_error.refusal(first, other)
     )
     return other if other and better else first
 
 
-def _searched(evidence: Evidence) -> list[str] | None:
-    """Return the effects among which the output-error estimate searches, None for all: what no force shows, waves, and
-    laws that take away a visible part of a force that is seen; of a little one without a law, the first two.
+def _names_to_search(evidence: Evidence) -> list[str] | None:
+    """Return the effects that the forward search tries, None for all.
+
+    Where the force residual is above the noise: effects that act on no force, waves, and the laws that lower the force
+    residual. Where that residual is small and no law was chosen, these laws are left out.
     """
-    force, share = evidence.force, evidence.percent(evidence.left(evidence.base))
-    if force is None or not evidence.sees(evidence.base):
+    force, share = evidence.equation_error, evidence.percent_of_effort(evidence.force_mse(evidence.base))
+    if force is None or not evidence.force_shows(evidence.base):
         return None
     small = share is not None and share < 100.0 * evidence.criteria.min_missing_share
     waves = {n for n, effect in EFFECTS.items() if effect.periodic}  # what passes its band is not all that there are
-    names = evidence.hidden | waves | (set() if small and not force.effects else force.helpful)
-    return sorted(names & evidence.motion.candidates)
+    names = evidence.unseen_by_force | waves | (set() if small and not force.effects else force.helpful)
+    return sorted(names & evidence.output_error.candidates)
 
 
-def _together(evidence: Evidence, refused: FittedModel) -> FittedModel | None:
-    """Return a model that the motion refuses with an effect beside it that no force shows, where both are needed."""
-    motion, both = evidence.motion, _best_of(evidence, refused, evidence.hidden)
-    if both is None or motion.refused(evidence.base, both):
+def _with_unseen_effect(evidence: Evidence, refused: FittedModel) -> FittedModel | None:
+    """Return a refused model with an effect beside it that acts on no force, where the simulation needs both."""
+    motion, both = evidence.output_error, _best_extension(evidence, refused, evidence.unseen_by_force)
+    if both is None or motion.refusal(evidence.base, both):
         return None
     other = motion.fitted([n for n in both.effects if n not in refused.effects], both.model)
     evidence.cache.keep(other)
-    return None if motion.refused(other, both) else both
+    return None if motion.refusal(other, both) else both
 
 
-def _best_of(
+def _best_extension(
     evidence: Evidence, of: FittedModel, names: Iterable[str], rival: FittedModel | None = None
 ) -> FittedModel | None:
-    """Return the simplest of the best steps beyond a model, beside a ``rival`` if there is one; None where none is."""
+    """Return the simplest of the best extensions of a model by one effect, as good as a ``rival``; None without one."""
     if len(of.effects) >= evidence.criteria.max_effects:
         return None
-    options = evidence.motion.extensions(of, sorted(evidence.motion.candidates.intersection(names)), rival)
+    options = evidence.output_error.extensions(of, sorted(evidence.output_error.candidates.intersection(names)), rival)
     evidence.cache.keep(*options)
-    return next(iter(evidence.motion.alike(of, options)), None)
+    return next(iter(evidence.output_error.as_good_as_best(of, options)), None)
 
 
-def _chosen(evidence: Evidence, first: Sequence[FittedModel], second: FittedModel) -> tuple[FittedModel, str]:
-    """Return the model to stand for, of what force (``first``) and motion (``second``) arrived at, and why not both."""
-    base, force = evidence.base, evidence.force
+def _resolved(evidence: Evidence, first: Sequence[FittedModel], second: FittedModel) -> tuple[FittedModel, str]:
+    """Return one of the models of equation error (``first``) and output error (``second``), and why they differ."""
+    base, force = evidence.base, evidence.equation_error
     if not first:
-        if force is not None and force.effects and _overruled(evidence, force, second):
+        if force is not None and force.effects and _contradicts_force(evidence, force, second):
             return base, _both(evidence, force, second)
-        if second.effects and evidence.raises(base, second):
+        if second.effects and evidence.force_rises(base, second):
             told = f"would follow the motion, but {_leaves(second)} more force than the model as it is"
             return base, f"{listed(second.effects)} {told}"
         return second, ""
     now = first[0]
     for other in (*first[1:], second):
-        if set(other.effects) != set(now.effects) and _beyond(evidence, now, other):
+        if set(other.effects) != set(now.effects) and _surpasses(evidence, now, other):
             now = other
-    g = evidence.motion.gain(now, second)
-    if now is not second and g.certainty >= evidence.criteria.min_t and g.share >= HALF and second.effects:
+    g = evidence.output_error.improvement(now, second)
+    if now is not second and g.t_ratio >= evidence.criteria.min_t and g.mse_reduction >= HALF and second.effects:
         told = f"would follow the motion better than {{}}, but {_leaves(second)} more force"
         return now, f"{listed(second.effects)} {told}"
     return now, ""
@@ -165,16 +182,24 @@ def _leaves(f: FittedModel) -> str:
     return "leaves" if len(f.effects) == 1 else "leave"
 
 
-def _overruled(evidence: Evidence, force: EquationErrorResult, second: FittedModel) -> bool:
-    """Tell whether laws that explain most of the force would give way to what explains neither it nor the motion."""
-    before, own = force.base.error, evidence.left(second)
+def _contradicts_force(evidence: Evidence, force: EquationErrorResult, second: FittedModel) -> bool:
+    """Tell whether a model explains neither motion nor force, where laws explain most of the force."""
+    before, own = force.base.validation_mse, evidence.force_mse(second)
     explains = own is not None and float(np.mean(own)) < HALF * before
-    return evidence.sees(evidence.base) and not second.white and force.fit.error < HALF * before and not explains
+    return (
+        evidence.force_shows(evidence.base)
+        and not second.white
+        and force.fit.validation_mse < HALF * before
+        and not explains
+    )
 
 
 def _both(evidence: Evidence, force: EquationErrorResult, second: FittedModel) -> str:
-    """Return the sentence of both estimates where the motion refuses the laws of the force."""
-    after, shown = evidence.percent(force.fit.error), evidence.percent(evidence.left(evidence.base))
+    """Return the sentence on both estimates where simulation refuses the laws that the force shows."""
+    after, shown = (
+        evidence.percent_of_effort(force.fit.validation_mse),
+        evidence.percent_of_effort(evidence.force_mse(evidence.base)),
+    )
     before = "" if shown is None else f" in place of {shown:.3g} %"
     told = (
         f"by the force {listed(force.effects)} would leave {after:.3g} % {evidence.of_effort}{before}, but the motion"
@@ -183,43 +208,41 @@ def _both(evidence: Evidence, force: EquationErrorResult, second: FittedModel) -
     return f"{told} that they make is not the one that was measured{other}"
 
 
-def _beyond(evidence: Evidence, now: FittedModel, other: FittedModel) -> bool:
-    """Tell whether another model is to be stood for: nothing is worse for it, and it leaves noise, or surely less."""
-    c, g = evidence.criteria, evidence.motion.gain(now, other)
+def _surpasses(evidence: Evidence, now: FittedModel, other: FittedModel) -> bool:
+    """Tell whether ``other`` replaces ``now``: no error rises, and it leaves only noise or errs surely less."""
+    c, g = evidence.criteria, evidence.output_error.improvement(now, other)
     if (
-        other.level > now.level
+        other.log_mse > now.log_mse
         or g.worsens(c.max_rise_t, c.visible_change)
-        or evidence.rising(now, other, c.tie_t)
-        or evidence.raises(now, other)
+        or evidence.rising_channel(now, other, c.tie_t)
+        or evidence.force_rises(now, other)
     ):
         return False
-    if other.clean and evidence.leaves_noise(other) and not now.white:
+    if other.residual_is_noise and evidence.residual_is_noise(other) and not now.white:
         return True
-    if g.certainty < c.min_t or not evidence.sees(now):
-        return g.certainty >= c.min_t
-    return set(other.effects) - set(now.effects) <= evidence.hidden or evidence.falls(now, other)
+    if g.t_ratio < c.min_t or not evidence.force_shows(now):
+        return g.t_ratio >= c.min_t
+    return set(other.effects) - set(now.effects) <= evidence.unseen_by_force or evidence.force_falls(now, other)
 
 
-def _confirmed(evidence: Evidence, force: EquationErrorResult) -> FittedModel | None:
-    """Return the proposal of the equation-error estimate, with the values of the motion or the force; None where it is
-    refused.
-    """
-    c, motion, choice = evidence.criteria, evidence.motion, FamilyChoice(evidence, force)
+def _confirmed_by_simulation(evidence: Evidence, force: EquationErrorResult) -> FittedModel | None:
+    """Return the laws of the equation error, fitted by simulation, with the better parameters; None where refused."""
+    c, motion, choice = evidence.criteria, evidence.output_error, FamilyChoice(evidence, force)
     found = choice.simulated(force.fit)
     if found is None:
         return None
-    stated = evidence.valued(found) if found.insignificant(c) else found
-    known = stated is not found and motion.gain(evidence.base, stated).certainty >= c.min_t
+    stated = evidence.with_better_values(found) if found.insignificant(c) else found
+    known = stated is not found and motion.improvement(evidence.base, stated).t_ratio >= c.min_t
     found = stated if known else found
-    g = motion.gain(evidence.base, found)
-    if g.certainty < (0.0 if evidence.explains(found) else c.min_validation_t) or g.worsens(
+    g = motion.improvement(evidence.base, found)
+    if g.t_ratio < (0.0 if evidence.explains_force(found) else c.min_validation_t) or g.worsens(
         c.max_rise_t, c.visible_change
     ):
         return None
     if not known and found.insignificant(c):
-        plain = motion.plainer(found)
+        plain = motion.simplified(found)
         evidence.cache.keep(*plain)
-        sound = motion.alike(evidence.base, plain)
+        sound = motion.as_good_as_best(evidence.base, plain)
         if not sound:
             return None
         found = sound[0]
@@ -229,59 +252,68 @@ def _confirmed(evidence: Evidence, force: EquationErrorResult) -> FittedModel | 
 # -------------------------------------------------------------------- how many effects
 
 
-def fewest(evidence: Evidence, final: FittedModel) -> FittedModel:
-    """Return the model with the fewest effects, and of these the fewest parameters, that is as good; what no force
-    shows displaces nothing that one does, unless it leaves nothing but tested noise.
+def smallest_as_good(evidence: Evidence, final: FittedModel) -> FittedModel:
+    """Return the model with the fewest effects, then the fewest parameters, of those as good as ``final``.
+
+    An effect that acts on no force replaces none that does, unless it leaves a residual that was tested as noise.
     """
-    motion, several = evidence.motion, len(final.effects) > 1
+    motion, several = evidence.output_error, len(final.effects) > 1
     options = [
-        f for f in evidence.cache.tried if (len(f.effects), f.size) < (len(final.effects), final.size) and f.effects
+        f
+        for f in evidence.cache.weighed
+        if (len(f.effects), f.n_parameters) < (len(final.effects), final.n_parameters) and f.effects
     ]
-    options += _as_one(motion, final) if several else []
+    options += _pairs_merged(motion, final) if several else []
     for name in final.effects if several else ():
         with contextlib.suppress(SignlinError):
             options.append(motion.fitted([n for n in final.effects if n != name], final.model))
         motion.progress.check()
     evidence.cache.keep(*options)
-    shown = evidence.left(final) is not None
-    good = [f for f in options if not motion.refused(evidence.base, f) and motion.as_good(final, f)]
-    good = [f for f in good if motion.refused(f, final) and not evidence.raises(final, f)]
-    good = [f for f in good if not shown or evidence.left(f) is not None or (f.clean and evidence.leaves_noise(f))]
-    return min(good, key=lambda f: (len(f.effects), f.size, f.level), default=final)
+    shown = evidence.force_mse(final) is not None
+    good = [f for f in options if not motion.refusal(evidence.base, f) and motion.as_good(final, f)]
+    good = [f for f in good if motion.refusal(f, final) and not evidence.force_rises(final, f)]
+    good = [
+        f
+        for f in good
+        if not shown or evidence.force_mse(f) is not None or (f.residual_is_noise and evidence.residual_is_noise(f))
+    ]
+    return min(good, key=lambda f: (len(f.effects), f.n_parameters, f.log_mse), default=final)
 
 
-def alone(evidence: Evidence, final: FittedModel) -> FittedModel | None:
-    """Return the effect that by itself leaves nothing but noise, where what both estimates arrived at leaves more."""
-    if complete(evidence, final):
+def single_effect_leaving_noise(evidence: Evidence, final: FittedModel) -> FittedModel | None:
+    """Return the simplest single effect that leaves only noise, where ``final`` leaves more; None without one."""
+    if explains_to_noise(evidence, final):
         return None
-    motion, base = evidence.motion, evidence.base
-    whole = [f for f in map(motion.best, evidence.single) if complete(evidence, f)]
-    whole = [f for f in whole if not motion.refused(base, f) and not evidence.raises(base, f)]
+    motion, base = evidence.output_error, evidence.base
+    whole = [f for f in map(motion.best, evidence.single_effect_fits) if explains_to_noise(evidence, f)]
+    whole = [f for f in whole if not motion.refusal(base, f) and not evidence.force_rises(base, f)]
     return _simplest(evidence, whole)
 
 
-def better(evidence: Evidence, final: FittedModel, options: Sequence[FittedModel]) -> FittedModel | None:
-    """Return the simplest of the best options of no more effects that leave surely less than a model."""
-    motion, base, force = evidence.motion, evidence.base, evidence.force
+def better_option(evidence: Evidence, final: FittedModel, options: Sequence[FittedModel]) -> FittedModel | None:
+    """Return the simplest option of no more effects than ``final`` that errs surely less; None without one."""
+    motion, base, force = evidence.output_error, evidence.base, evidence.equation_error
     good = [f for f in map(motion.best, options) if len(f.effects) <= max(len(final.effects), 1)]
-    good = [f for f in good if set(f.effects) != set(final.effects) and not motion.refused(base, f)]
+    good = [f for f in good if set(f.effects) != set(final.effects) and not motion.refusal(base, f)]
     good = [
-        f for f in good if not evidence.raises(base, f) and not motion.refused(final, f) and _beyond(evidence, final, f)
+        f
+        for f in good
+        if not evidence.force_rises(base, f) and not motion.refusal(final, f) and _surpasses(evidence, final, f)
     ]
     return _simplest(
-        evidence, [f for f in good if force is None or final.effects or not _overruled(evidence, force, f)]
+        evidence, [f for f in good if force is None or final.effects or not _contradicts_force(evidence, force, f)]
     )
 
 
 def _simplest(evidence: Evidence, options: Sequence[FittedModel]) -> FittedModel | None:
-    """Return the simplest of the options that are as good as the best of them; None of none."""
-    best = min(options, key=lambda f: f.level, default=None)
-    as_good = [f for f in options if best and evidence.motion.as_good(best, f)]
-    return min(as_good, key=lambda f: (len(f.effects), f.size, f.level), default=None)
+    """Return the simplest of the options that are as good as the best one; None where there is no option."""
+    best = min(options, key=lambda f: f.log_mse, default=None)
+    as_good = [f for f in options if best and evidence.output_error.as_good(best, f)]
+    return min(as_good, key=lambda f: (len(f.effects), f.n_parameters, f.log_mse), default=None)
 
 
-def _as_one(motion: OutputErrorEstimator, final: FittedModel) -> list[FittedModel]:
-    """Return models with one effect in place of two that it is about the same as, from their values and its starts."""
+def _pairs_merged(motion: OutputErrorEstimator, final: FittedModel) -> list[FittedModel]:
+    """Return models in which one effect replaces two whose sum it is (a loop: presliding and a spring)."""
     found, uses = list[FittedModel](), {use.type: use.parameters for use in final.model.effects.values()}
     for pair, (name, effect) in product(combinations(final.effects, 2), EFFECTS.items()):
         others = {n: uses.get(n, {}) for n in pair}
@@ -292,7 +324,7 @@ def _as_one(motion: OutputErrorEstimator, final: FittedModel) -> list[FittedMode
         for key in [k for k, use in model.effects.items() if use.type in pair]:
             model = model.without_effect(key)
         with contextlib.suppress(SignlinError):
-            model = model.with_effect(name, free_key(model, name), **completed(motion.problem, effect, values))
+            model = model.with_effect(name, free_key(model, name), **completed(motion.training, effect, values))
             found.append(motion.fitted((*kept, name), model))
         with contextlib.suppress(SignlinError):
             found += motion.extensions(motion.fitted(kept, final.model), [name])
@@ -300,4 +332,4 @@ def _as_one(motion: OutputErrorEstimator, final: FittedModel) -> list[FittedMode
     return [f for f in found if len(f.effects) < len(final.effects)]
 
 
-__all__ = ["Selection", "alone", "fewest", "select_model"]
+__all__ = ["Selection", "select_model", "single_effect_leaving_noise", "smallest_as_good"]

@@ -19,22 +19,22 @@ fitted to the end.
 """
 
 
-def complete(evidence: Evidence, f: FittedModel) -> bool:
+def explains_to_noise(evidence: Evidence, f: FittedModel) -> bool:
     """Tell whether a model leaves but noise, near the sensors' or at its own, with no base parameter far off."""
-    return evidence.near_any_noise(f) and f.clean and not f.far(evidence.criteria)
+    return evidence.near_any_noise(f) and f.residual_is_noise and not f.far_from_nominal(evidence.criteria)
 
 
-def settled(evidence: Evidence, f: FittedModel) -> bool:
+def needs_no_search(evidence: Evidence, f: FittedModel) -> bool:
     """Tell whether a model needs no comparison with all single laws: one law at most, that leaves but noise."""
-    return len(f.effects) < 2 and complete(evidence, f)
+    return len(f.effects) < 2 and explains_to_noise(evidence, f)
 
 
 def fit_every_law(evidence: Evidence, now: FittedModel) -> list[FittedModel]:
     """Return every law fitted by itself that comes near a proposal, or is among the best where there is none."""
-    known = {n for f in evidence.single for n in f.effects}
-    names = [n for n in EFFECTS if n in evidence.motion.candidates - known]
+    known = {n for f in evidence.single_effect_fits for n in f.effects}
+    names = [n for n in EFFECTS if n in evidence.output_error.candidates - known]
     evidence.cache.keep(*_extended(evidence, evidence.base, names, now, MIN_GAIN_SHARE))
-    return evidence.single
+    return evidence.single_effect_fits
 
 
 def fit_families(evidence: Evidence, final: FittedModel) -> list[FittedModel]:
@@ -43,9 +43,9 @@ def fit_families(evidence: Evidence, final: FittedModel) -> list[FittedModel]:
     for name in final.effects if len(final.effects) > 1 else ():
         family = EFFECTS[name].family
         kin = [n for n, effect in EFFECTS.items() if family and effect.family == family and n not in final.effects]
-        kin = [n for n in kin if n in evidence.motion.candidates]
+        kin = [n for n in kin if n in evidence.output_error.candidates]
         with contextlib.suppress(InputError):  # without it the motion diverges
-            rest = evidence.motion.fitted([n for n in final.effects if n != name], final.model)
+            rest = evidence.output_error.fitted([n for n in final.effects if n != name], final.model)
             found += _extended(evidence, rest, kin, final, MIN_FAMILY_SHARE)
     evidence.cache.keep(*found)
     return found
@@ -54,7 +54,7 @@ def fit_families(evidence: Evidence, final: FittedModel) -> list[FittedModel]:
 def _extended(
     evidence: Evidence, of: FittedModel, names: list[str], rival: FittedModel, share: float
 ) -> list[FittedModel]:
-    return evidence.motion.extensions(of, names, rival if rival.effects else None, share) if names else []
+    return evidence.output_error.extensions(of, names, rival if rival.effects else None, share) if names else []
 
 
-__all__ = ["complete", "fit_every_law", "fit_families", "settled"]
+__all__ = ["explains_to_noise", "fit_every_law", "fit_families", "needs_no_search"]

@@ -16,7 +16,7 @@ from signlin_ros.diagnosis.output_error.fitted import held
 from signlin_ros.diagnosis.proposal import rounded, yaml_of
 from signlin_ros.diagnosis.results import Diagnosis, ParameterEstimate, RankingEntry, listed
 from signlin_ros.diagnosis.rivals import rivals
-from signlin_ros.diagnosis.single_laws import complete
+from signlin_ros.diagnosis.single_laws import explains_to_noise
 from signlin_ros.diagnosis.validation import force_left, force_percent
 from signlin_ros.diagnosis.verdict import REASONS, Verdict
 from signlin_ros.effects import EFFECTS, find_effect
@@ -45,12 +45,12 @@ def summary_of(evidence: Evidence, verdict: Verdict) -> Diagnosis:
         ranking=ranking,
         ladder=ladder,
         model=model,
-        range=dict(dataset.problem.ranges),
+        range=dict(dataset.training.ranges),
         noise=dataset.noise,
         experiments=_experiments(evidence, verdict, ranking),
         notes=(
-            *dataset.problem.notes,
-            *dataset.unseen.notes,
+            *dataset.training.notes,
+            *dataset.validation.notes,
             *messages.remarks(evidence, verdict),
             *closed_loop.remarks(evidence, verdict),
         ),
@@ -65,7 +65,7 @@ def summary_of(evidence: Evidence, verdict: Verdict) -> Diagnosis:
 
 def _parameters(evidence: Evidence, f: FittedModel) -> dict[str, ParameterEstimate]:
     """Return the parameters of a fit; with those that are held at what the force tells."""
-    return (held(evidence.motion.problem, f.model, f.parameters) if evidence.contradicted else {}) | f.parameters
+    return (held(evidence.output_error.training, f.model, f.parameters) if evidence.contradicted else {}) | f.parameters
 
 
 # -------------------------------------------------------------------- ranking
@@ -86,12 +86,12 @@ def _ranking(evidence: Evidence, verdict: Verdict) -> tuple[RankingEntry, ...]:
             others.append(_other(evidence, verdict, name, single[name]))
         elif name in laws:
             others.append(_by_force(evidence, verdict, name))
-        elif name in evidence.motion.candidates and not verdict.selection.asked:
+        elif name in evidence.output_error.candidates and not verdict.selection.asked:
             untried.append(RankingEntry(name, "rejected", why=_not_fitted(evidence, verdict, name)))
         elif not _applies(evidence, name):
             absent.append(RankingEntry(name, "not_applicable", why=f"does not apply to {evidence.dataset.plant.name}"))
     others = [_beside(e, tied[e.effect]) if e.effect in tied else e for e in others]
-    levels = dict.fromkeys(tied, 0.0) | {name: f.level for name, f in single.items()}
+    levels = dict.fromkeys(tied, 0.0) | {name: f.log_mse for name, f in single.items()}
     others.sort(key=lambda e: (e.status != "ambiguous", levels.get(e.effect, math.inf)))
     return (*(_named(evidence, verdict, e, ties[e]) for e in verdict.names), *others, *untried, *absent)
 
@@ -99,14 +99,14 @@ def _ranking(evidence: Evidence, verdict: Verdict) -> tuple[RankingEntry, ...]:
 def _fitted_alone(evidence: Evidence) -> dict[str, FittedModel]:
     """Return the best fit of every effect that was fitted by itself; a sensor's on the channel where it is best."""
     fits = [f for f in evidence.cache.best.values() if len(f.effects) == 1]
-    return {f.effects[0]: f for f in sorted(fits, key=attrgetter("level"), reverse=True)}
+    return {f.effects[0]: f for f in sorted(fits, key=attrgetter("log_mse"), reverse=True)}
 
 
 def _not_fitted(evidence: Evidence, verdict: Verdict, name: str) -> str:
     """Return why an effect that no force shows was not fitted to the end."""
     if name in evidence.cache.searched.get((), ()):
         return "after the first steps of a fit it takes away too little of the error to go on with"
-    if complete(evidence, verdict.final):
+    if explains_to_noise(evidence, verdict.final):
         what, verb = listed(verdict.names) or "the model as it is", "leave" if len(verdict.names) > 1 else "leaves"
         return f"not fitted: {what} {verb} nothing but noise"
     return "not fitted: no step of the search led to it"
@@ -121,17 +121,19 @@ def _applies(evidence: Evidence, name: str) -> bool:
 
 def _ties(evidence: Evidence, verdict: Verdict, effect: str) -> tuple[str, ...]:
     """Return effects that are as good in the place of one, by force or motion, refused by neither."""
-    force, rest, found = evidence.force, set(verdict.names) - {effect}, set[str]()
+    force, rest, found = evidence.equation_error, set(verdict.names) - {effect}, set[str]()
     if force and set(force.effects) == set(verdict.names):
         found |= set(force.ties[effect])
-    for f in evidence.cache.tried:
+    for f in evidence.cache.weighed:
         if not (rest < set(f.effects) and len(f.effects) == len(verdict.names) and effect not in f.effects):
             continue
-        if evidence.motion.refused(verdict.base, f):
+        if evidence.output_error.refusal(verdict.base, f):
             found -= set(f.effects)
-        elif evidence.raises(verdict.final, f) or (evidence.left(f) is None and evidence.explains(verdict.final)):
+        elif evidence.force_rises(verdict.final, f) or (
+            evidence.force_mse(f) is None and evidence.explains_force(verdict.final)
+        ):
             continue
-        elif evidence.motion.as_good(verdict.final, f) and evidence.motion.refused(f, verdict.final):
+        elif evidence.output_error.as_good(verdict.final, f) and evidence.output_error.refusal(f, verdict.final):
             found |= set(f.effects) - rest
     return tuple(sorted(found - set(verdict.names)))
 
@@ -158,14 +160,14 @@ def _richer(a: str, b: str) -> bool:
 
 def _other(evidence: Evidence, verdict: Verdict, name: str, f: FittedModel) -> RankingEntry:
     """Return the entry of an effect that was fitted out by itself."""
-    beyond = find_effect(name, "effects").only_beyond and evidence.motion.refused(verdict.base, f)
+    beyond = find_effect(name, "effects").only_beyond and evidence.output_error.refusal(verdict.base, f)
     status, own = "not_excited" if beyond else "rejected", messages.own_parameters(f, name)
     return RankingEntry(name, status, own, evidence.row(f, None).validation, why=messages.why_not(evidence, verdict, f))
 
 
 def _by_force(evidence: Evidence, verdict: Verdict, name: str) -> RankingEntry:
     """Return the entry of an effect that only the equation-error estimate tried."""
-    force = evidence.force
+    force = evidence.equation_error
     assert force is not None  # noqa: S101  it tried the effect
     a, b = (
         force_percent(evidence, verdict.base, verdict.final) or force.percent(force.base),
@@ -191,7 +193,7 @@ def _beside(e: RankingEntry, tied: str) -> RankingEntry:
 
 def _beyond(evidence: Evidence) -> str:
     """Return between which positions the records tell of what shows only beyond them."""
-    problem, plant = evidence.dataset.problem, evidence.dataset.plant
+    problem, plant = evidence.dataset.training, evidence.dataset.plant
     if plant.position not in problem.ranges:
         return ""
     unit = problem.shown(problem.units.get(plant.position, plant.position_unit))

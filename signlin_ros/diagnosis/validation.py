@@ -13,11 +13,11 @@ from signlin_ros.comparison.scores import unfollowed
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.dataset import Dataset
 from signlin_ros.diagnosis.equation_error.flexible import Curve, changing
-from signlin_ros.diagnosis.equation_error.regression import RegressionFit, mean_certainty
+from signlin_ros.diagnosis.equation_error.regression import RegressionFit, mean_t_ratio
 from signlin_ros.diagnosis.evidence import HALF, Evidence
 from signlin_ros.diagnosis.loops import forces_of
 from signlin_ros.diagnosis.output_error import FittedModel, OutputErrorEstimator
-from signlin_ros.diagnosis.output_error.score import elsewhere, gain, of_windows
+from signlin_ros.diagnosis.output_error.score import generalizes_badly, improvement, of_windows
 from signlin_ros.effects import find_effect
 from signlin_ros.errors import InputError
 from signlin_ros.fitting.prepare import reversed_signal
@@ -41,9 +41,9 @@ class ValidationTests:
         return self.evidence.dataset
 
     @property
-    def motion(self) -> OutputErrorEstimator:
+    def output_error(self) -> OutputErrorEstimator:
         """The output-error estimate."""
-        return self.evidence.motion
+        return self.evidence.output_error
 
     @property
     def base(self) -> FittedModel:
@@ -63,21 +63,21 @@ class ValidationTests:
     @cached_property
     def reversed(self) -> str:
         """The signal with whose sign reversed the model as given follows much better, if there is one."""
-        return reversed_signal(self.motion.problem, self.base.fit, self.final.fit)
+        return reversed_signal(self.output_error.training, self.base.fit, self.final.fit)
 
     @cached_property
     def far(self) -> dict[str, float]:
         """Base parameters that end far from nominal, and by how many tolerances."""
-        return self.final.far(self.criteria)
+        return self.final.far_from_nominal(self.criteria)
 
     def same_at_nominal(self) -> bool:
         """Tell whether it is confirmed with what is far held at nominal, beside the base held so, and at its best."""
         try:
-            held = self.motion.holding({name: self.motion.problem.base.value(name) for name in self.far})
+            held = self.output_error.holding({name: self.output_error.training.base.value(name) for name in self.far})
             found = held.fitted(self.names)
         except InputError:
             return False
-        return not held.refused(held.base, found) and not self.motion.refused(self.base, found)
+        return not held.refusal(held.base, found) and not self.output_error.refusal(self.base, found)
 
     @cached_property
     def percent(self) -> float | None:
@@ -87,61 +87,65 @@ class ValidationTests:
     @cached_property
     def flexible(self) -> Curve:
         """What a flexible curve makes of the force that is left."""
-        force = self.evidence.force
+        force = self.evidence.equation_error
         if force is None or self.percent is None:
             return Curve(False, np.inf)
-        if self.evidence.acting(self.final) == set(force.effects):
+        if self.evidence.effects_in_force(self.final) == set(force.effects):
             return force.flexible
         if not self.names:
             return force.structure_left(force.base)
-        left, unseen = (side.missing(self.final.model) for side in (force.training, force.validation))
+        left, unseen = (side.force_residual(self.final.model) for side in (force.training, force.validation))
         return force.structure_left(RegressionFit((("final", ()),), np.zeros(0), left, lambda: unseen))
 
     @cached_property
     def changing(self) -> str:
         """Which force changes slowly along the records, if that is most of what is left; empty if none does."""
-        force = self.evidence.force
+        force = self.evidence.equation_error
         if force is None or self.percent is None or self.final.white:
             return ""
-        fit = force.sets.get(self.evidence.acting(self.final))
-        left = fit.unseen if fit else force.validation.missing(self.final.model)
+        fit = force.sets.get(self.evidence.effects_in_force(self.final))
+        left = fit.validation_residual if fit else force.validation.force_residual(self.final.model)
         return changing(force.regression, left, forces_of(self.final, self.remembers))
 
     @cached_property
     def loop(self) -> str:
         """The hysteresis of a proposal that leaves more than a quarter of the force (RMS): one loop of its family."""
         least = max(
-            100.0 * self.criteria.max_rmse_left, self.criteria.min_force_over_noise * self.evidence.noise_percent
+            100.0 * self.criteria.max_rmse_left, self.criteria.min_force_over_noise * self.evidence.force_noise_percent
         )
         own = [n for n in self.remembers if find_effect(n, "effects").family]
-        return own[0] if own and not self.final.clean and max(self.percent or 0, self.imposed or 0) > least else ""
+        return (
+            own[0]
+            if own and not self.final.residual_is_noise and max(self.percent or 0, self.imposed or 0) > least
+            else ""
+        )
 
     def worse(self) -> str:
         """Return the channel whose printed error rises beyond its standard error beside the base, or the missing force;
         where the proposal's own is not told, that of a step on the way.
         """
-        before, after, evidence = self.left(self.base), self.left(self.final), self.evidence
-        if self.motion.settles(self.base, self.final):
+        before, after, evidence = self.force_mse(self.base), self.force_mse(self.final), self.evidence
+        if self.output_error.settles(self.base, self.final):
             return ""
         steps = self.steps()[1:-1] if after is None else ()
-        after = next((left for f in reversed(steps) if (left := self.left(f)) is not None), after)
-        risen = before is not None and after is not None and evidence.rises(before, after, self.criteria.max_rise_t)
-        return evidence.rising(self.base, self.final, self.criteria.max_rise_t) or (
+        after = next((left for f in reversed(steps) if (left := self.force_mse(f)) is not None), after)
+        risen = before is not None and after is not None and evidence.mse_rises(before, after, self.criteria.max_rise_t)
+        return evidence.rising_channel(self.base, self.final, self.criteria.max_rise_t) or (
             "the missing force" if risen else ""
         )
 
     @cached_property
     def beside_given(self) -> float:
         """By how many standard errors the proposal lowers the error on validation data beside the model as given."""
-        return self.motion.certainty(self.motion.given, self.final)
+        return self.output_error.t_ratio(self.output_error.unfitted, self.final)
 
     @cached_property
     def no_better(self) -> bool:
         """Whether validation data do not surely show a gain beside the model as given: a refit may not carry over."""
         if self.beside_given > self.criteria.min_validation_t:
             return False
-        given, final = (self.evidence.as_written(f) for f in (self.motion.given, self.final))
-        return given is None or final is None or mean_certainty(given, final) <= self.criteria.min_validation_t
+        given, final = (self.evidence.force_mse_as_written(f) for f in (self.output_error.unfitted, self.final))
+        return given is None or final is None or mean_t_ratio(given, final) <= self.criteria.min_validation_t
 
     @property
     def remembers(self) -> tuple[str, ...]:
@@ -149,23 +153,33 @@ class ValidationTests:
         return tuple(n for n in self.names if find_effect(n, "effects").states)
 
     @cached_property
-    def lost(self) -> list[str]:
+    def unfollowed(self) -> list[str]:
         """The channels that none of the models that were fitted follows, neither where it was fitted nor elsewhere."""
-        known, unseen, missed = self.motion.problem, self.motion.unseen, set(self.motion.problem.channels)
-        for f in (self.final, *self.evidence.cache.tried):
+        known, unseen, missed = (
+            self.output_error.training,
+            self.output_error.validation,
+            set(self.output_error.training.channels),
+        )
+        for f in (self.final, *self.evidence.cache.weighed):
             for side, squares in ((known, f.training_squares), (unseen, f.validation_squares)):
                 missed &= set(unfollowed(of_windows(side, squares, side.noise)))
         return [name for name in known.channels if name in missed]
 
     @cached_property
-    def elsewhere(self) -> bool:
+    def generalizes_badly(self) -> bool:
         """Whether the model follows validation data far worse than those that it was fitted to: of its force, too."""
-        noise, final, force = (self.motion.problem.noise, self.motion.unseen.noise), self.final, self.evidence.force
-        if not elsewhere(final.training_squares, final.validation_squares, *noise, self.criteria.max_rmse_over_noise):
+        noise, final, force = (
+            (self.output_error.training.noise, self.output_error.validation.noise),
+            self.final,
+            self.evidence.equation_error,
+        )
+        if not generalizes_badly(
+            final.training_squares, final.validation_squares, *noise, self.criteria.max_rmse_over_noise
+        ):
             return False
         if force is None or self.percent is None:
             return True
-        known = float(np.sqrt(np.mean(force.residual_as_written(final.model, known=True)))) / force.training.effort
+        known = float(np.sqrt(np.mean(force.mse_as_written(final.model, known=True)))) / force.training.effort
         return 100.0 * known < HALF * self.percent
 
     @property
@@ -175,7 +189,7 @@ class ValidationTests:
         """
         if not self.names or not self.evidence.near_noise(self.final):
             return False
-        sides = zip(self.final.left, self.dataset.problem.noise, self.dataset.problem.quanta, strict=True)
+        sides = zip(self.final.residual_tests, self.dataset.training.noise, self.dataset.training.quanta, strict=True)
         odd = [(one, one.over_noise * noise, step) for one, noise, step in sides if one.structured]
         return all(rms <= step / 2.0 and one.dependent <= self.criteria.max_dependent_share for one, rms, step in odd)
 
@@ -190,8 +204,8 @@ class ValidationTests:
     @property
     def leaves_little_error(self) -> bool:
         """Whether a proposal leaves of every channel no more, beside what the base model does, than a table shows."""
-        beyond = self.final.errors > self.criteria.max_rmse_over_noise * self.motion.unseen.noise
-        less = self.final.errors <= self.criteria.visible_change * self.base.errors
+        beyond = self.final.validation_rmse > self.criteria.max_rmse_over_noise * self.output_error.validation.noise
+        less = self.final.validation_rmse <= self.criteria.visible_change * self.base.validation_rmse
         return bool(self.names and beyond.any() and np.all(less[beyond]))
 
     def sampled(self) -> FittedModel | None:
@@ -200,18 +214,18 @@ class ValidationTests:
         if not model.asks_hold or model.plant.motion_is_imposed() or self.evidence.near_noise(self.final):
             return None
         try:
-            found = self.motion.acting("centred").fitted(self.names, model.with_options(input_hold="centred"))
+            found = self.output_error.acting("centred").fitted(self.names, model.with_options(input_hold="centred"))
         except InputError:
             return None
-        shows = np.any(found.errors < (1.0 - self.criteria.visible_change) * self.final.errors)
-        return found if shows and self.motion.certainty(self.final, found) >= self.criteria.min_t else None
+        shows = np.any(found.validation_rmse < (1.0 - self.criteria.visible_change) * self.final.validation_rmse)
+        return found if shows and self.output_error.t_ratio(self.final, found) >= self.criteria.min_t else None
 
     @property
     def of_noise(self) -> bool:
         """Whether the base errs by no more than the noise, and nothing falls visibly, nor is a parameter freed."""
-        before, after = self.base.errors**2, self.final.errors**2
-        visible = self.criteria.min_share_per_parameter * (self.final.size - self.base.size)
-        within = np.all(before <= self.motion.unseen.noise**2)
+        before, after = self.base.validation_rmse**2, self.final.validation_rmse**2
+        visible = self.criteria.min_share_per_parameter * (self.final.n_parameters - self.base.n_parameters)
+        within = np.all(before <= self.output_error.validation.noise**2)
         return bool(within and np.all(before - after < visible * before) and not freed(self.base, self.final))
 
     @property
@@ -220,14 +234,16 @@ class ValidationTests:
         if self.names or self.percent is None:
             return False
         evidence = self.evidence
-        little = self.percent <= evidence.noise_percent and evidence.near_noise(self.final)
-        within = self.final.errors <= np.maximum(self.motion.unseen.noise, self.dataset.problem.quanta / 2)
-        return bool(little or (not evidence.sees(self.final) and np.all(within)))
+        little = self.percent <= evidence.force_noise_percent and evidence.near_noise(self.final)
+        within = self.final.validation_rmse <= np.maximum(
+            self.output_error.validation.noise, self.dataset.training.quanta / 2
+        )
+        return bool(little or (not evidence.force_shows(self.final) and np.all(within)))
 
     @property
     def leaves_much_force(self) -> bool:
         """Whether a proposal leaves more than a quarter of the mean square of the missing force, half of its RMS."""
-        part = self.evidence.remaining(self.left(self.final))
+        part = self.evidence.share_left(self.force_mse(self.final))
         return bool(self.names) and part is not None and part > self.criteria.max_force_mse_left
 
     @property
@@ -243,23 +259,25 @@ class ValidationTests:
     @cached_property
     def imposed(self) -> float | None:
         """What is left of the force of an imposed motion, where only its row tells, in per cent of its spread."""
-        told = self.percent is not None and self.percent > self.evidence.noise_percent
+        told = self.percent is not None and self.percent > self.evidence.force_noise_percent
         if told or not self.dataset.plant.motion_is_imposed():
             return None
         return next(iter(self.unpredicted), None)
 
     @property
-    def most(self) -> bool:
+    def leaves_most(self) -> bool:
         """Whether a proposal leaves most of the effort, beyond the noise, or of the force of an imposed motion."""
-        effort = 0.0 if self.percent is None else self.percent**2 - self.evidence.noise_percent**2
+        effort = 0.0 if self.percent is None else self.percent**2 - self.evidence.force_noise_percent**2
         return (
             bool(self.names) and max(effort, (self.imposed or 0.0) ** 2) > 100.0**2 * self.criteria.max_force_mse_left
         )
 
-    def idle(self) -> bool:
+    def has_idle_law(self) -> bool:
         """Tell whether one of several laws does not surely take away force, where forces tell of it."""
         evidence, several = self.evidence, self.names if len(self.names) > 1 else ()
-        return not all(evidence.falls(self.without(n), self.final) for n in several if n not in evidence.hidden)
+        return not all(
+            evidence.force_falls(self.without(n), self.final) for n in several if n not in evidence.unseen_by_force
+        )
 
     @property
     def carries_over(self) -> bool:
@@ -267,7 +285,7 @@ class ValidationTests:
         that it shows, and no other law lowers it: one that imitates another fails under a gain or a load that no fit
         saw.
         """
-        w, c, unseen = self.evidence, self.criteria, self.evidence.motion.unseen
+        w, c, unseen = self.evidence, self.criteria, self.evidence.output_error.validation
         if not self.dataset.plant.closed_loop or not w.cache.searched.get(self.names):
             return False
         count, channels = len(unseen.segments), self.final.validation_squares.shape[1]
@@ -275,21 +293,26 @@ class ValidationTests:
         folds = unseen.folds or tuple((i,) for i in range(count))
         pairs = (tuple(one[list(fold)].reshape(-1, channels) for one in (before, after)) for fold in folds)
         return len(folds) > 1 and not any(
-            gain(a, b, unseen.noise).worsens(c.max_rise_t, c.visible_change) for a, b in pairs
+            improvement(a, b, unseen.noise).worsens(c.max_rise_t, c.visible_change) for a, b in pairs
         )
 
     @property
     def leaves_much_motion(self) -> bool:
         """Whether a proposal leaves the larger part of what the motion lacks, of validation data or of known ones."""
-        known = gain(self.base.training_squares, self.final.training_squares, self.motion.problem.noise)
-        return min(self.motion.gain(self.base, self.final).share, known.share) < 1.0 - self.criteria.max_force_mse_left
+        known = improvement(self.base.training_squares, self.final.training_squares, self.output_error.training.noise)
+        return (
+            min(self.output_error.improvement(self.base, self.final).mse_reduction, known.mse_reduction)
+            < 1.0 - self.criteria.max_force_mse_left
+        )
 
     def steps(self) -> tuple[FittedModel, ...]:
         """Return the models from the base to the proposal, one effect after the other."""
         steps, c = [self.base], self.criteria
         for k in range(1, len(self.names)):
             part = self._part(self.names[:k])
-            if part.effects and not self.motion.gain(steps[-1], part).worsens(c.max_rise_t, c.visible_change):
+            if part.effects and not self.output_error.improvement(steps[-1], part).worsens(
+                c.max_rise_t, c.visible_change
+            ):
                 steps.append(part)
         return (*steps, *([self.final] if self.names else []))
 
@@ -300,28 +323,28 @@ class ValidationTests:
     def _part(self, names: Sequence[str]) -> FittedModel:
         """Return the best fit of some of the effects of the proposal; the base where it diverges without the others."""
         try:
-            return self.motion.fitted(names, self.final.model) if names else self.base
+            return self.output_error.fitted(names, self.final.model) if names else self.base
         except InputError:
             return self.base
 
-    def left(self, f: FittedModel) -> Array | None:
+    def force_mse(self, f: FittedModel) -> Array | None:
         """Return the mean squared force (blocks,) that a model leaves of validation data, see `force_left`."""
         return force_left(self.evidence, f, self.final)
 
 
 def force_left(evidence: Evidence, f: FittedModel, final: FittedModel) -> Array | None:
     """Return the mean squared force (blocks,) left of validation data: by the proposal as written, else at best."""
-    return evidence.as_written(f) if f is final and f.effects else evidence.left(f)
+    return evidence.force_mse_as_written(f) if f is final and f.effects else evidence.force_mse(f)
 
 
 def force_percent(evidence: Evidence, f: FittedModel, final: FittedModel) -> float | None:
     """Return that force in per cent of the effort (RMS)."""
-    return evidence.percent(force_left(evidence, f, final))
+    return evidence.percent_of_effort(force_left(evidence, f, final))
 
 
 def freed(before: FittedModel, after: FittedModel) -> str:
     """Return in words which base parameter is bent most without what was added, by a tolerance more; empty if none."""
-    first, last = before.off, after.off
+    first, last = before.prior_deviations, after.prior_deviations
     most = max(first, key=lambda n: abs(first[n]) - abs(last.get(n, 0.0)), default="")
     if not most or abs(first[most]) <= abs(last.get(most, 0.0)) + 1.0:
         return ""

@@ -45,7 +45,9 @@ def diagnose(
     """
     dataset, cache, watched = dataset_of(model, data, validation), FitCache(), Progress.of(progress)
     evidence = evidence_of(dataset, criteria, cache, watched, jobs)
-    watched.say("motion with what the force shows" if evidence.force and evidence.force.effects else "motion")
+    watched.say(
+        "motion with what the force shows" if evidence.equation_error and evidence.equation_error.effects else "motion"
+    )
     evidence = evidence.grounded()
     selection = select_model(evidence)
     if rivals:
@@ -86,14 +88,14 @@ def add(
 ) -> Diagnosis:
     """Add an effect and fit it, whatever it is worth; as `diagnose`. Raises `InputError` where it cannot be added."""
     dataset, cache, watched = dataset_of(model, data, validation), FitCache(), Progress.of(progress)
-    trials(dataset.problem, [effect])  # raises what is told above, before anything is fitted
+    trials(dataset.training, [effect])  # raises what is told above, before anything is fitted
     evidence = evidence_of(dataset, criteria, cache, watched, jobs)
     watched.say(f"motion with {listed([effect])}")
     evidence = evidence.grounded()
-    alone, force = evidence.laws.get(effect), evidence.force
-    final = evidence.motion.fitted([effect], force.with_laws(alone) if force and alone else None)
+    alone, force = evidence.laws.get(effect), evidence.equation_error
+    final = evidence.output_error.fitted([effect], force.with_laws(alone) if force and alone else None)
     evidence.cache.keep(final)
-    return summary_of(evidence, verdict_of(evidence, Selection(evidence.valued(final), asked=effect)))
+    return summary_of(evidence, verdict_of(evidence, Selection(evidence.with_better_values(final), asked=effect)))
 
 
 __all__ = ["add", "diagnose", "refine"]

@@ -114,7 +114,7 @@ def reason_of(tests: ValidationTests, conflict: str = "") -> str:
         return "reversed"
     if conflict:
         return "conflict"
-    if not tests.names and tests.lost:
+    if not tests.names and tests.unfollowed:
         return "lost"
     if tests.names and tests.worse():
         return "worse"
@@ -126,30 +126,30 @@ def reason_of(tests: ValidationTests, conflict: str = "") -> str:
         return "noise"
     if tests.names and tests.far and not tests.same_at_nominal():
         return "far"
-    if tests.most or tests.loop:
-        return "structure" if tests.most else "loop"
-    if tests.evidence.sees(tests.final):
+    if tests.leaves_most or tests.loop:
+        return "structure" if tests.leaves_most else "loop"
+    if tests.evidence.force_shows(tests.final):
         large = (
             not tests.names
             and max([tests.percent or 0.0, *tests.unpredicted]) > 100.0 * tests.criteria.min_missing_share
         )
         near = tests.evidence.near_noise(tests.final)
-        if large and tests.elsewhere:
+        if large and tests.generalizes_badly:
             return "elsewhere"
-        clean = tests.final.clean and (not large or tests.follows)
+        clean = tests.final.residual_is_noise and (not large or tests.follows)
         noise = clean or (near and tests.final.white)
-        more = not tests.final.white and (tests.leaves_much_force or near or tests.changing or tests.idle())
+        more = not tests.final.white and (tests.leaves_much_force or near or tests.changing or tests.has_idle_law())
         more = more or (
-            tests.leaves_much_force and tests.leaves_much_motion and not tests.final.clean
+            tests.leaves_much_force and tests.leaves_much_motion and not tests.final.residual_is_noise
         )  # untested is no proof
         return "structure" if ((large or tests.flexible.visible) and not noise) or more else ""
     if tests.dataset.plant.closed_loop and tests.evidence.near_noise(tests.final):
         return ""  # where a servo sticks, the steps of its encoder are no noise that could be tested
-    noise = tests.evidence.leaves_noise(tests.final) or tests.of_steps
+    noise = tests.evidence.residual_is_noise(tests.final) or tests.of_steps
     near = tests.evidence.near_any_noise(tests.final)
     if tests.names and not near and (noise or tests.percent is None):
-        told = not tests.leaves_much_motion or (tests.carries_over and not tests.elsewhere)
-        return "" if told else "elsewhere" if tests.elsewhere else "structure"
+        told = not tests.leaves_much_motion or (tests.carries_over and not tests.generalizes_badly)
+        return "" if told else "elsewhere" if tests.generalizes_badly else "structure"
     return "" if noise or tests.within_noise or tests.leaves_little_error else "structure"
 
 
@@ -158,7 +158,7 @@ def verdict_of(evidence: Evidence, selection: Selection) -> Verdict:
     t = ValidationTests(evidence, selection.chosen)
     reason, refused = (
         reason_of(t, selection.conflict),
-        evidence.motion.refused(evidence.base, selection.chosen) if selection.asked else "",
+        evidence.output_error.refusal(evidence.base, selection.chosen) if selection.asked else "",
     )
     names, last = (
         (selection.chosen.effects, reason) if not refused else ((), reason_of(ValidationTests(evidence, evidence.base)))
@@ -174,7 +174,7 @@ def verdict_of(evidence: Evidence, selection: Selection) -> Verdict:
         without=without,
         refused=refused,
         reversed=t.reversed,
-        lost=tuple(t.lost) if reason == "lost" else (),
+        lost=tuple(t.unfollowed) if reason == "lost" else (),
         far=t.far,
         percent=t.percent,
         imposed=t.imposed,

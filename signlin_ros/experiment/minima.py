@@ -56,9 +56,9 @@ def led(problem: Problem, c: Contender, gains: ObserverGains, others: Sequence[t
         start = {**numbers(model), **{f"{key}.{n}": v for n, v in values.items()}}
         theta = np.clip(free.start({**c.candidate.named(c.theta), **start}), *c.bounds)
         found = fit(problem, free, gains, theta, REFIT_STEPS)
-        best = found if found and (best is None or found.cost < best.cost) else best
+        best = found if found and (best is None or found.objective < best.objective) else best
     own = evaluated(problem, free, c.theta, gains) if best else None
-    if best is None or (own is not None and own.cost <= best.cost):
+    if best is None or (own is not None and own.objective <= best.objective):
         return c
     return replace(c, theta=best.theta, information=best.hessian, told=c.model_at(best.theta))
 
@@ -83,14 +83,14 @@ def with_minima(problem: Problem, c: Contender, gains: ObserverGains, check: Cal
         check()
         theta = own.start({**named, **{f"{key}.{n}": v for n, v in completed(problem, effect, start).items()}})
         tried.append(evaluated(short, own, np.clip(theta, *own.bounds), gains, False))
-    near = sorted((f for f in tried if f), key=lambda f: f.cost)[:MINIMA_FITTED]
+    near = sorted((f for f in tried if f), key=lambda f: f.objective)[:MINIMA_FITTED]
     fits = [f for f in (fit(problem, own, gains, f.theta, REFIT_STEPS) for f in near) if f]
     best = evaluated(problem, own, c.theta, gains)
-    fits = sorted([*fits, *([best] if best else [])], key=lambda f: f.cost)
+    fits = sorted([*fits, *([best] if best else [])], key=lambda f: f.objective)
     found = list[Fit]()
     for f in fits:
         apart = all(np.abs(f.theta - other.theta).max() > MINIMA_APART for other in found)
-        if f.cost < fits[0].cost + EXCLUDED and apart:
+        if f.objective < fits[0].objective + EXCLUDED and apart:
             found.append(f)
     if not found:
         return c

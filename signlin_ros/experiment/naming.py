@@ -98,7 +98,7 @@ def with_named(
     if not absent:
         return list(rivals)
     made, watched = dataset_of(model, records), Progress(cancelled=cancelled) if cancelled else Progress()
-    motion = estimator_of(made.problem, made.unseen, DEFAULT_CRITERIA, FitCache(), watched, jobs=1)
+    motion = estimator_of(made.training, made.validation, DEFAULT_CRITERIA, FitCache(), watched, jobs=1)
     found = [_fitted(motion, name) for name in absent]
     return [*rivals, *known_rivals([rival(f).to_json() for f in found])]
 
@@ -109,8 +109,8 @@ def _fitted(motion: OutputErrorEstimator, name: str) -> FittedModel:
         return motion.base
     effects = name.split("+")
     best = motion.fitted(effects)
-    options = motion.bred(motion.base, effects) if len(effects) == 1 and EFFECTS[effects[0]].rugged else []
-    return min([best, *options], key=lambda f: float(np.nansum(f.training_squares / motion.problem.noise**2)))
+    options = motion.cross_entropy(motion.base, effects) if len(effects) == 1 and EFFECTS[effects[0]].rugged else []
+    return min([best, *options], key=lambda f: float(np.nansum(f.training_squares / motion.training.noise**2)))
 
 
 __all__ = ["NO_EFFECT", "open_names", "with_named"]

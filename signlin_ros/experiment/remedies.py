@@ -157,7 +157,7 @@ def seen_with(
     contenders = tuple(_as_before(other, c) for c in seen)
     old = dict(zip(problem.channels, bench.spread.tolist(), strict=True))
     spread = np.array([old.get(c, size[c]) for c in channels])
-    gains = other.levels[min(problem.levels.index(bench.gains), len(other.levels) - 1)]
+    gains = other.observer_gains[min(problem.observer_gains.index(bench.gains), len(other.observer_gains) - 1)]
     return replace(bench, problem=other, contenders=contenders, gains=gains, spread=spread, likely=frozenset())
 
 

@@ -117,7 +117,7 @@ def bench_of(
 
 def gains_of(problem: Problem) -> ObserverGains:
     """Return the observer through which a command is judged."""
-    return problem.levels[min(OBSERVER_LEVEL, len(problem.levels) - 1)]
+    return problem.observer_gains[min(OBSERVER_LEVEL, len(problem.observer_gains) - 1)]
 
 
 def _sized(problem: Problem, c: Contender) -> Contender:
@@ -153,7 +153,7 @@ def so_far(problem: Problem, contenders: Sequence[Contender]) -> Array:
     gains, costs = gains_of(problem), []
     for c in contenders:
         f = evaluated(problem, replace(c.candidate, starts={}), c.theta, gains)
-        costs.append(np.nan if f is None else f.cost)
+        costs.append(np.nan if f is None else f.objective)
     return np.asarray(np.array(costs) - np.nanmin(costs))
 
 

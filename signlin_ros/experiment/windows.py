@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA
-from signlin_ros.diagnosis.output_error.score import beyond_noise, gain, windowed
+from signlin_ros.diagnosis.output_error.score import beyond_noise, improvement, windowed
 from signlin_ros.experiment.distance import Pair, RivalBench
 from signlin_ros.follow.segments import PreparedSegment
 
@@ -40,7 +40,7 @@ def seen_in_windows(bench: RivalBench, pairs: Sequence[Pair], t: Array, u: Array
         )
         noise = beyond_noise(b, a, np.full(a.shape[1], clean.t.size), np.ones(a.shape[1]))
         found[k] = max(
-            gain(b, a, problem.noise).certainty,
+            improvement(b, a, problem.noise).t_ratio,
             noise * np.sqrt(2.0) if noise > DEFAULT_CRITERIA.min_validation_t else 0.0,
         )
     return found

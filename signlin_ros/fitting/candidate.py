@@ -253,7 +253,7 @@ def _effect_coordinates(problem: Problem, model: Model, key: str) -> list[Coordi
         else:
             unit = 1.0 if order else problem.scale.of(par.unit)  # an order comes from a scan
             low, high = effect.within.get(name, (par.low, par.high))
-            high = min(high, problem.fastest) if order else high
+            high = min(high, problem.max_wave_order) if order else high
             result.append(Coordinate(full, False, unit, low / unit, high / unit, 0.0, np.inf))
     return result
 

@@ -31,7 +31,7 @@ class Fit:
 
     candidate: Candidate
     theta: Array
-    cost: float
+    objective: float
     count: Array
     innovations: tuple[Array, ...]
     hessian: Array
@@ -47,7 +47,7 @@ class Fit:
         return self.candidate.model_at(self.theta)
 
 
-def tidied(f: Fit) -> Fit:
+def with_positive_amplitudes(f: Fit) -> Fit:
     """Return a fit whose added periodic forces have positive amplitudes and phases within half a turn."""
     theta, signs = f.theta.copy(), np.ones(f.theta.size)
     at = {k.name: i for i, k in enumerate(f.candidate.coordinates)}
@@ -124,15 +124,15 @@ def further(problem: Problem, f: Fit, steps: int) -> Fit:
         if float(gained) < MIN_COST_FALL:
             break
         trial = evaluated(problem, f.candidate, new, f.gains)
-        if trial is None or not trial.cost < f.cost:
+        if trial is None or not trial.objective < f.objective:
             damping *= 16
             if damping > MAX_DAMPING:
                 break
             continue
-        gain, f = f.cost - trial.cost, trial
+        gain, f = f.objective - trial.objective, trial
         damping = max(damping / 8, 1e-9)
         if gain < MIN_COST_FALL + MIN_RELATIVE_FALL * max(
-            f.cost - float(np.sum(f.count * np.log(problem.noise**2))), 0.0
+            f.objective - float(np.sum(f.count * np.log(problem.noise**2))), 0.0
         ):
             break
     return f
@@ -157,4 +157,4 @@ def _step(x: Array, gradient: Array, hessian: Array, damping: float, low: Array,
     return np.asarray(new)
 
 
-__all__ = ["Fit", "evaluated", "fit", "further", "tidied"]
+__all__ = ["Fit", "evaluated", "fit", "further", "with_positive_amplitudes"]

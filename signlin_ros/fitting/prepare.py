@@ -128,7 +128,7 @@ def stretched(problem: Problem) -> Problem:
     size = MAX_FIT_SAMPLES // FIT_SEGMENTS
     places = [(s, first) for s in problem.segments for first in range(0, max(s.t.size - size, 0) + 1, size)]
     parts = [stretch_of(problem, s, first, size) for s, first in places]
-    runs = [run.innovation for _, run in looks(problem.base, parts, problem.channels, problem.levels[1])]
+    runs = [run.innovation for _, run in looks(problem.base, parts, problem.channels, problem.observer_gains[1])]
     wrong = np.argsort([-np.mean(mean(left**2) / problem.noise**2) for left in runs]).tolist()
     even = np.linspace(0, len(parts) - 1, FIT_SEGMENTS // 2).astype(int).tolist()
     chosen = list(dict.fromkeys([*even, *wrong]))[:FIT_SEGMENTS]
@@ -159,7 +159,7 @@ def _with_one_reversed(problem: Problem) -> Iterator[tuple[str, list[PreparedSeg
 
 def _left(problem: Problem, c: Candidate, theta: NDArray[np.float64], segments: Sequence[PreparedSegment]) -> float:
     """Return the RMS of what a model leaves of records at the middle gain, in multiples of the noise."""
-    found = follow_records(problem, c, theta, problem.levels[1], False, segments)
+    found = follow_records(problem, c, theta, problem.observer_gains[1], False, segments)
     if found is None:
         return np.inf
     mean = np.nanmean(np.concatenate(found[0]) ** 2, axis=0) / problem.noise**2

@@ -53,7 +53,7 @@ class Problem:
     segments: tuple[PreparedSegment, ...]
     noise: Array
     scale: Scale
-    levels: tuple[ObserverGains, ...]
+    observer_gains: tuple[ObserverGains, ...]
     x_scale: dict[str, float]
     ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
@@ -61,7 +61,7 @@ class Problem:
     notes: tuple[str, ...] = ()
     parts: tuple[ModelData, ...] = ()
     folds: tuple[tuple[int, ...], ...] = ()
-    observers: tuple[ObserverGains, ...] = ()
+    force_observers: tuple[ObserverGains, ...] = ()
 
     @property
     def plant(self) -> type[Plant]:
@@ -98,7 +98,7 @@ class Problem:
         return replace(self, base=base, segments=tuple(replace(s, early=s.early + more) for s in self.segments))
 
     @property
-    def stretch(self) -> tuple[float, float]:
+    def position_range(self) -> tuple[float, float]:
         """Smallest and largest position, about, where only a velocity is measured."""
         return self.ranges.get(self.plant.position, (0.0, self.scale.travel))
 
@@ -108,7 +108,7 @@ class Problem:
         return self.plant.position_unit == "m" and self.units.get(self.plant.position) == "rad"
 
     @property
-    def fastest(self) -> float:
+    def max_wave_order(self) -> float:
         """The largest order of a wave over the position that samples can tell."""
         return MAX_WAVE_STEP / max(self.scale.velocity * self.scale.step, 1e-300)
 
@@ -201,7 +201,17 @@ def prepare(model: Model, data: Sequence[ModelData], channels: tuple[str, ...] |
     columns |= {c: y for c, y in zip(channels, everything.T, strict=True) if c == model.plant.effort}
     scale, units = _scale(model, segments, columns, dt, duration), {**model.units, **data[0].units}
     return Problem(
-        model, channels, segments, noise, scale, levels, x_scale, ranges, units, quanta(segments), observers=observers
+        model,
+        channels,
+        segments,
+        noise,
+        scale,
+        levels,
+        x_scale,
+        ranges,
+        units,
+        quanta(segments),
+        force_observers=observers,
     )
 
 

@@ -33,7 +33,7 @@ def _missing_force(problem: Problem, model: Model) -> tuple[Array, Array, Array]
     """Return position, velocity and the force that the model lacks, each (T,), where the motion is imposed."""
     plant, rows = model.plant, []
     at, output = model.states.index(plant.position), problem.channels.index(plant.effort)
-    for tracker, run in looks(model, problem.segments, problem.channels, problem.observers[0]):
+    for tracker, run in looks(model, problem.segments, problem.channels, problem.force_observers[0]):
         lacks = tracker.outputs(run.state)[:, output] - filled(tracker.t, tracker.y[:, output])
         rows.append((run.state[:, at], tracker.u[:, model.inputs.index(plant.velocity)], lacks))
     q, v, force = map(np.concatenate, zip(*rows, strict=True))
@@ -48,7 +48,7 @@ def _matched(problem: Problem, model: Model, highest: float, count: int) -> list
     fits best. Positions are of a high and of a lower gain: the ones are noisier, the others off by what is missing.
     """
     lines = whole_orders(problem, highest)
-    c, (high, lower) = candidate(problem, model, ()), problem.observers[:2]
+    c, (high, lower) = candidate(problem, model, ()), problem.force_observers[:2]
     base = fit(problem, c, lower, None, 4)
     runs = [follow_records(problem, c, c.start() if base is None else base.theta, one, False) for one in (high, lower)]
     seen, starts = response(problem, model, high), []
@@ -107,13 +107,13 @@ def _corrections(problem: Problem, model: Model, gains: ObserverGains) -> tuple[
 
 def periodic_starts(problem: Problem, model: Model) -> list[tuple[float, float, float]]:
     """Return the most promising (N, A, phi) of a force -A sin(N q + phi)."""
-    highest = min(problem.fastest, finest(problem))
+    highest = min(problem.max_wave_order, finest(problem))
     lines = whole_orders(problem, highest)
     if model.plant.motion_is_imposed():
         q, v, force = _missing_force(problem, model)
         return [_start(q, force, order, 1.0) for order in _orders(q, v, force, highest, MAX_SPECTRUM_ORDERS, lines)]
     mass, starts = inertia(model), list[tuple[float, float, float]]()
-    for gains in problem.observers[:2]:
+    for gains in problem.force_observers[:2]:
         q, v, a = _corrections(problem, model, gains)
         for order in _orders(q, v, a, highest, MAX_SPECTRUM_ORDERS - 1, lines):
             N, A, phase = _start(q, a, order, mass)

@@ -101,10 +101,10 @@ def add_learned(
     learned = learn_missing(model, known, over)
     new = with_learned(model, learned)
     notes = dict.fromkeys(f"{record.source}: {note}" for record in (*known, *unseen) for note in record.notes)
-    after = w.motion.as_it_is(new, ("learned_force",))
-    first, last = w.first_rows(), w.row(after, w.as_written(after)).to_json()
+    after = w.output_error.without_fit(new, ("learned_force",))
+    first, last = w.first_rows(), w.row(after, w.force_mse_as_written(after)).to_json()
     given, base = first.given.to_json(), first.refitted.to_json()
-    unit = made.problem.shown(new.unit_of("F"))
+    unit = made.training.shown(new.unit_of("F"))
     entry = _entry(new, learned, unit, given["validation"], last["validation"])
     return new, {
         "verdict": "missing" if entry["status"] == "confirmed" else "unexplained",
@@ -118,7 +118,7 @@ def add_learned(
         "range": _range(learned),
         "noise": made.noise,
         "experiments": [],
-        "notes": [*notes, *made.problem.notes, *made.unseen.notes],
+        "notes": [*notes, *made.training.notes, *made.validation.notes],
         "horizon": first.horizon,
     }
 

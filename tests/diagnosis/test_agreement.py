@@ -24,7 +24,7 @@ from signlin_ros.diagnosis.equation_error.flexible import Curve
 from signlin_ros.diagnosis.evidence import Evidence
 from signlin_ros.diagnosis.family import FamilyChoice
 from signlin_ros.diagnosis.output_error import FitCache, FittedModel, OutputErrorEstimator
-from signlin_ros.diagnosis.output_error.score import elsewhere, gain, told_change
+from signlin_ros.diagnosis.output_error.score import generalizes_badly, improvement, told_change
 from signlin_ros.diagnosis.parts import without_untold
 from signlin_ros.diagnosis.selection import Selection, select_model
 from signlin_ros.diagnosis.validation import ValidationTests, force_percent
@@ -58,11 +58,11 @@ class Fit:
     parameters: int = 0
 
     @property
-    def size(self) -> int:
+    def n_parameters(self) -> int:
         return self.parameters or 2 * len(self.effects)
 
     @cached_property
-    def level(self) -> float:
+    def log_mse(self) -> float:
         return float(np.sum(np.log(np.mean(self.validation_squares, axis=0))))
 
     asks_hold = False
@@ -72,7 +72,7 @@ class Fit:
         return self
 
     @property
-    def left(self) -> list[Any]:
+    def residual_tests(self) -> list[Any]:
         return [SimpleNamespace(over_noise=self.residual) for _ in self.rms]
 
     @property
@@ -90,7 +90,7 @@ class Fit:
         return {}
 
     @property
-    def errors(self) -> np.ndarray:
+    def validation_rmse(self) -> np.ndarray:
         return np.sqrt(self.validation_squares.mean(axis=0))
 
     @property
@@ -98,18 +98,18 @@ class Fit:
         return np.full(len(self.rms), self.sensors)
 
     @property
-    def off(self) -> dict[str, float]:
+    def prior_deviations(self) -> dict[str, float]:
         return self.away
 
     @property
-    def clean(self) -> bool:
+    def residual_is_noise(self) -> bool:
         return self.white and self.tested
 
-    def far(self, criteria: Any) -> dict[str, float]:
+    def far_from_nominal(self, criteria: Any) -> dict[str, float]:
         return {n: x for n, x in self.away.items() if abs(x) > criteria.max_tolerances_off}
 
-    def near(self, times: float) -> bool:
-        return FittedModel.near(self, times)
+    def within_noise(self, times: float) -> bool:
+        return FittedModel.within_noise(self, times)
 
 
 class Motion:
@@ -119,10 +119,10 @@ class Motion:
 
     def __init__(self, base: Fit, given: Fit | None = None, imposed: bool = False) -> None:
         self.cache = FitCache()
-        self.base, self.given = base, given or Fit((), tuple(10.0 * r for r in base.rms), 10.0 * base.force)
+        self.base, self.unfitted = base, given or Fit((), tuple(10.0 * r for r in base.rms), 10.0 * base.force)
         units = {"speed": "rad/s", "current": "A"}
         channels = ("speed", "current")[: len(base.rms)]
-        self.problem = SimpleNamespace(
+        self.training = SimpleNamespace(
             channels=channels,
             units=units,
             shown=lambda unit: unit,
@@ -135,7 +135,7 @@ class Motion:
             quanta=np.zeros(len(channels)),
             turns=True,
         )
-        self.unseen = self.problem
+        self.validation = self.training
 
     def best(self, f: Fit) -> Fit:
         return f
@@ -143,17 +143,17 @@ class Motion:
     def few_waves(self, f: Fit) -> dict[str, float]:
         return {}
 
-    def as_it_is(self, model: Any) -> Fit:
-        return self.given
+    def without_fit(self, model: Any) -> Fit:
+        return self.unfitted
 
     def fitted(self, effects: Any, start: Any = None) -> Fit:
         return self.base
 
-    def gain(self, before: Fit, after: Fit) -> Any:
-        return gain(before.validation_squares, after.validation_squares, np.full(len(before.rms), NOISE))
+    def improvement(self, before: Fit, after: Fit) -> Any:
+        return improvement(before.validation_squares, after.validation_squares, np.full(len(before.rms), NOISE))
 
-    def certainty(self, before: Fit, after: Fit) -> float:
-        return self.gain(before, after).certainty
+    def t_ratio(self, before: Fit, after: Fit) -> float:
+        return self.improvement(before, after).t_ratio
 
     def settles(self, before: Fit, after: Fit) -> bool:
         return OutputErrorEstimator.settles(self, before, after)
@@ -167,23 +167,23 @@ def force_witness(
     current: bool = False,
     helpful: tuple[str, ...] = (),
 ) -> Any:
-    unseen = SimpleNamespace(noise=0.01**2, effort=EFFORT, free=False, missing=lambda model: np.zeros(1))
+    unseen = SimpleNamespace(noise_mse=0.01**2, effort=EFFORT, free=False, force_residual=lambda model: np.zeros(1))
     known = SimpleNamespace(pieces=[SimpleNamespace(position_measured=True)])
-    regression = SimpleNamespace(known=known, unseen=unseen, current=current)
+    regression = SimpleNamespace(training=known, validation=unseen, current=current)
     nothing = Curve(False, math.inf)
     return SimpleNamespace(
         regression=regression,
         laws=dict.fromkeys(laws),
         training=known,
         validation=unseen,
-        sets={frozenset(effects): SimpleNamespace(unseen=np.zeros(1), error=math.inf)},
+        sets={frozenset(effects): SimpleNamespace(validation_residual=np.zeros(1), validation_mse=math.inf)},
         base=None,
         waves=SimpleNamespace(finest=math.inf),
         helpful=frozenset(helpful),
         structure_left=lambda fit: nothing,
         effects=effects,
         flexible=Curve(structure, flexible),
-        residual_as_written=lambda f: around(f.force, 0),  # what is written leaves what it leaves
+        mse_as_written=lambda f: around(f.force, 0),  # what is written leaves what it leaves
         with_laws=lambda fit: None,
     )
 
@@ -194,13 +194,13 @@ def left(*fits: Fit) -> dict[Fit, np.ndarray]:
 
 
 def both(motion: Any, force: Any, *fits: Fit, tried: Any = (), kept: Any = None) -> Evidence:
-    dataset = Dataset((SimpleNamespace(units={}),), motion.problem, motion.unseen)
-    motion.cache = FitCache(tried=list(tried), force_left=left(*fits) if kept is None else kept)
+    dataset = Dataset((SimpleNamespace(units={}),), motion.training, motion.validation)
+    motion.cache = FitCache(weighed=list(tried), force_mse=left(*fits) if kept is None else kept)
     return Evidence(dataset, motion, force)
 
 
 def chosen(force: Any, base: Fit, first: list[Fit], second: Fit) -> tuple[Fit, str]:
-    return selection._chosen(both(Motion(base), force, base, *first, second), first, second)
+    return selection._resolved(both(Motion(base), force, base, *first, second), first, second)
 
 
 def choice(force: Any, squares: dict[Fit, np.ndarray], motion: Any) -> FamilyChoice:
@@ -217,7 +217,7 @@ def test_a_silent_force_witness_is_no_veto(monkeypatch):
     w = both(Motion(BASE), None)
     found = select_model(w)
     assert (found.chosen, found.conflict) == (second, "")
-    assert w.percent(w.left(second)) is None
+    assert w.percent_of_effort(w.force_mse(second)) is None
 
 
 def test_a_model_that_leaves_more_force_than_the_base_is_not_stood_for():
@@ -261,14 +261,14 @@ def test_what_the_force_neither_sees_nor_names_it_does_not_veto():
     more = Fit(("gravity_load",), (1.0,), 0.022)  # what leaves more than noise is held against the force
     assert chosen(force_witness(*LAWS), base, [], more)[0] is base
     named = force_witness(*LAWS, effects=("coulomb_friction",))  # so is everything where the force has a name
-    named.fit, named.base = SimpleNamespace(error=0.018**2), SimpleNamespace(error=0.018**2)
+    named.fit, named.base = SimpleNamespace(validation_mse=0.018**2), SimpleNamespace(validation_mse=0.018**2)
     assert chosen(named, base, [], law)[0] is base
 
 
 def test_what_is_better_in_most_blocks_and_worse_on_the_whole_is_not_stood_for():
     """A play took a motor's position from 0.0103 to 0.0124 rad, by 4.7 standard errors of logarithms of blocks."""
     first, second = Fit(("coulomb_friction",), (1.0,), 0.5), Fit(("coulomb_friction", "input_delay"), (0.3,), 0.5)
-    object.__setattr__(second, "level", first.level + 0.1)
+    object.__setattr__(second, "log_mse", first.log_mse + 0.1)
     assert chosen(force_witness(*LAWS), BASE, [first], second)[0] is first
 
 
@@ -287,16 +287,16 @@ def test_beside_what_is_confirmed_no_printed_error_rises_beyond_its_standard_err
     first = Fit(("coulomb_friction",), (1.0, 1.0), 0.5)
     second = Tail(("coulomb_friction", "input_delay"), (0.3, 1.0), 0.5)
     w = both(Motion(base), force_witness(*LAWS), base, first, second)
-    assert second.level < first.level
-    assert not w.rising(first, second, DEFAULT_CRITERIA.max_rise_t)
-    assert w.rising(first, second, 1.0) == "current"
+    assert second.log_mse < first.log_mse
+    assert not w.rising_channel(first, second, DEFAULT_CRITERIA.max_rise_t)
+    assert w.rising_channel(first, second, 1.0) == "current"
     assert chosen(force_witness(*LAWS), base, [first], second)[0] is first
 
 
 def test_what_the_force_shows_and_the_motion_refuses_is_told_and_not_replaced():
     """A motor that its own waves throw about: a load on a coupling and a late sensor took the place of seven waves."""
     force = force_witness(*LAWS, effects=("torque_ripple",))
-    force.fit, force.base = SimpleNamespace(error=0.3), SimpleNamespace(error=4.0)
+    force.fit, force.base = SimpleNamespace(validation_mse=0.3), SimpleNamespace(validation_mse=4.0)
     final, conflict = chosen(force, BASE, [], Fit(("compliant_load", "sensor_delay"), (1.0,), 1.9))
     assert final is BASE
     for name in ("torque ripple", "compliant load", "sensor delay"):
@@ -319,11 +319,11 @@ def test_a_richer_model_that_gains_nothing_gains_nothing():
 class Asking(Motion):
     """A output-error estimate for which a model is a step beyond another one if it is surely better."""
 
-    def refused(self, before: Fit, after: Fit) -> str:
-        return "" if self.certainty(before, after) > DEFAULT_CRITERIA.min_t else "no step"
+    def refusal(self, before: Fit, after: Fit) -> str:
+        return "" if self.t_ratio(before, after) > DEFAULT_CRITERIA.min_t else "no step"
 
     def as_good(self, best: Fit, other: Fit) -> bool:
-        return self.certainty(other, best) < DEFAULT_CRITERIA.tie_t
+        return self.t_ratio(other, best) < DEFAULT_CRITERIA.tie_t
 
 
 def test_of_what_is_as_good_the_one_with_the_fewest_parameters_is_named():
@@ -331,7 +331,7 @@ def test_of_what_is_as_good_the_one_with_the_fewest_parameters_is_named():
     wave = Fit(("bouc_wen_hysteresis",), (1.0,), 1.0, parameters=3)
     load = Fit(("constant_load",), (1.0,), 1.0, parameters=1)
     w = both(Asking(BASE), force_witness(), BASE, wave, load, tried=[load])
-    assert selection.fewest(w, wave).effects == ("constant_load",)
+    assert selection.smallest_as_good(w, wave).effects == ("constant_load",)
 
 
 @pytest.mark.parametrize(("rms", "taken"), [(0.9, "coulomb_friction"), (1.5, "stribeck_friction")])
@@ -340,7 +340,7 @@ def test_the_simpler_law_that_is_as_good_is_named(rms, taken):
     richer = Fit(("stribeck_friction",), (1.0,), 1.0, parameters=3)
     simpler = Fit(("coulomb_friction",), (rms,), 1.0, parameters=1)
     w = both(Asking(BASE), force_witness(), BASE, richer, simpler, tried=[simpler])
-    assert selection.fewest(w, richer).effects == (taken,)
+    assert selection.smallest_as_good(w, richer).effects == (taken,)
 
 
 class Judged:
@@ -368,7 +368,7 @@ def told(w: Evidence, final: Fit) -> Verdict:
 
 @pytest.fixture(autouse=True)
 def no_sign_is_wrong(monkeypatch):
-    monkeypatch.setattr(Dataset, "noise", property(lambda self: dict.fromkeys(self.problem.channels, NOISE)))
+    monkeypatch.setattr(Dataset, "noise", property(lambda self: dict.fromkeys(self.training.channels, NOISE)))
     monkeypatch.setattr(tests_module, "reversed_signal", lambda problem, base, final: "")
     monkeypatch.setattr(tests_module, "changing", lambda r, left, own: "")
     monkeypatch.setattr(ValidationTests, "same_at_nominal", lambda t: False)
@@ -394,7 +394,7 @@ def sees(**options: Any) -> Any:
 
 def test_what_both_stand_for_is_missing_though_something_is_left():
     found = judged(COULOMB, force=sees())
-    assert found.evidence.sees(found.final)
+    assert found.evidence.force_shows(found.final)
     assert not found.final.white
     assert found.label == "missing"
 
@@ -428,7 +428,7 @@ def test_what_leaves_most_of_an_imposed_force_explains_a_part(rms, why, monkeypa
 
 @pytest.mark.parametrize(("percent", "times"), [(60.0, "6"), (2000.0, "over 100")])
 def test_how_far_above_the_noise_is_told_as_far_as_it_tells(percent, times):
-    seen = SimpleNamespace(noise_percent=10.0, of_effort="of the effort", criteria=DEFAULT_CRITERIA)
+    seen = SimpleNamespace(force_noise_percent=10.0, of_effort="of the effort", criteria=DEFAULT_CRITERIA)
     curve = SimpleNamespace(visible=False, percent=25.0, along="")
     j = SimpleNamespace(percent=percent, names=(), final=None, flexible=curve, changing="")
     assert messages.remainder(seen, j).endswith(f"of the effort, {times} times what the sensors' noise makes of it.")
@@ -614,8 +614,8 @@ def test_a_name_that_frees_a_base_parameter_alone_says_which():
 def test_noise_has_a_size_of_its_own_in_every_record():
     squares = [np.full((5, 1), size**2) for size in (3.0, 9.0)]
     same, larger = np.ones(1), np.full(1, 3.0)
-    assert elsewhere(*squares, same, same, DEFAULT_CRITERIA.max_rmse_over_noise)
-    assert not elsewhere(*squares, same, larger, DEFAULT_CRITERIA.max_rmse_over_noise)
+    assert generalizes_badly(*squares, same, same, DEFAULT_CRITERIA.max_rmse_over_noise)
+    assert not generalizes_badly(*squares, same, larger, DEFAULT_CRITERIA.max_rmse_over_noise)
 
 
 def test_a_sign_that_is_wrong_goes_before_everything(monkeypatch):
@@ -661,12 +661,12 @@ def numbers(text: str) -> list[float]:
 
 def in_the_tables(j: Judged) -> set[str]:
     """Return every number that a table of the diagnosis shows, to three digits: errors, forces, noise, tolerances."""
-    fits, motion = (j.base, j.final), j.evidence.motion
+    fits, motion = (j.base, j.final), j.evidence.output_error
     rms = [float(x) for f in fits for x in np.sqrt(np.mean(f.validation_squares, axis=0))]
     forces = [p for f in fits if (p := force_percent(j.evidence, f, j.final)) is not None]
-    noise = j.evidence.noise_percent
+    noise = j.evidence.force_noise_percent
     more = [j.evidence.dataset.horizon, noise, j.flexible.percent, *(abs(x) for x in j.far.values())]
-    assert motion.problem.channels
+    assert motion.training.channels
     return {f"{x:.3g}" for x in (*rms, *forces, *more, *(p / noise for p in forces))}
 
 
@@ -732,11 +732,13 @@ def test_what_is_as_good_stands_under_what_is_named_with_what_would_decide():
 
 def test_what_is_left_is_told_where_the_noise_of_the_force_is_not_known():
     """A current that was held: "falls from 79.2 % to 25.3 %", and no word of the 25.3 %."""
-    seen = SimpleNamespace(noise_percent=0.0, sees=lambda f: True, of_effort="of the effort", criteria=DEFAULT_CRITERIA)
+    seen = SimpleNamespace(
+        force_noise_percent=0.0, force_shows=lambda f: True, of_effort="of the effort", criteria=DEFAULT_CRITERIA
+    )
     curve = SimpleNamespace(visible=False, percent=25.0, along="")
     j = SimpleNamespace(percent=25.3, names=(), final=None, flexible=curve, changing="")
     assert messages.remainder(seen, j) == " What is left is 25.3 % of the effort."
-    seen.noise_percent = 10.0
+    seen.force_noise_percent = 10.0
     assert messages.remainder(seen, j).endswith("of the effort, 2.53 times what the sensors' noise makes of it.")
 
 
@@ -755,10 +757,12 @@ def test_what_is_left_is_told_where_the_noise_of_the_force_is_not_known():
 def test_why_more_than_the_sensors_noise_counts_as_noise(clean, curve, told):
     """ "Adequate: the force that is left is 2.93 % of the effort, the sensors' noise 0.796 %", and not why."""
     left = [SimpleNamespace(dependent=0.001), SimpleNamespace(dependent=0.004)]
-    final = SimpleNamespace(clean=clean, left=left, errors=np.array([0.03, 0.46]))
+    final = SimpleNamespace(residual_is_noise=clean, residual_tests=left, validation_rmse=np.array([0.03, 0.46]))
     sensors, channels = {"current": 0.01, "speed": 0.1}, SimpleNamespace(channels=("current", "speed"))
-    dataset = SimpleNamespace(horizon=0.2, problem=channels, noise=sensors)
-    seen = SimpleNamespace(noise_percent=0.796, near_noise=lambda f: False, of_effort="of the effort", dataset=dataset)
+    dataset = SimpleNamespace(horizon=0.2, training=channels, noise=sensors)
+    seen = SimpleNamespace(
+        force_noise_percent=0.796, near_noise=lambda f: False, of_effort="of the effort", dataset=dataset
+    )
     shown = {
         "names": (),
         "refused": "",
@@ -782,7 +786,7 @@ def test_unseen_data_that_reach_further_are_told(size, differs):
         for a in (1.0, size)
     )
     problems = [SimpleNamespace(parts=(part,), units={"displacement": "m"}, shown=str) for part in (known, unseen)]
-    text = messages.further(SimpleNamespace(problem=problems[0], unseen=problems[1]))
+    text = messages.further(SimpleNamespace(training=problems[0], validation=problems[1]))
     assert bool(text) is differs
     if differs:
         assert text.startswith("there displacement goes from -0.01")
@@ -792,7 +796,7 @@ def test_unseen_data_that_reach_further_are_told(size, differs):
 @pytest.mark.parametrize(("certainty", "told"), [(3.14, True), (1.9, True), (-0.2, False), (3.6, False)])
 def test_what_would_take_most_away_but_not_surely_is_told_with_the_number_of_its_row(certainty, told, monkeypatch):
     """A leg's joint of 2 s: "no listed effect explains" beside Coulomb friction at 3.2 of 3.5 standard errors."""
-    monkeypatch.setattr(Motion, "certainty", lambda self, before, after: certainty, raising=False)
+    monkeypatch.setattr(Motion, "t_ratio", lambda self, before, after: certainty, raising=False)
     monkeypatch.setattr(Fit, "size", 1, raising=False)
     odd = Fit((), (3.0,), 0.1 * EFFORT)
     j = judged(odd, odd, force_witness(*LAWS))
@@ -832,12 +836,12 @@ class Refusing(Motion):
         self.asked.append(tuple(names))
         return [f for key, f in self.fits.items() if len(key - set(of.effects)) == 1 and key > set(of.effects)]
 
-    def refused(self, before: Fit, after: Fit) -> str:
-        g = self.gain(before, after)
-        return "" if g.certainty >= DEFAULT_CRITERIA.min_t else "too little"
+    def refusal(self, before: Fit, after: Fit) -> str:
+        g = self.improvement(before, after)
+        return "" if g.t_ratio >= DEFAULT_CRITERIA.min_t else "too little"
 
-    def alike(self, before: Fit, options: list[Fit]) -> list[Fit]:
-        good = [f for f in options if not self.refused(before, f)]
+    def as_good_as_best(self, before: Fit, options: list[Fit]) -> list[Fit]:
+        good = [f for f in options if not self.refusal(before, f)]
         return sorted(good, key=lambda f: f.rms[0])[:1]
 
 
@@ -860,7 +864,7 @@ def any_effect(monkeypatch):
 def test_a_limit_of_the_input_is_sought_beside_friction_that_the_motion_refuses_alone():
     motion = with_limit(together=0.3, limit=1.0)
     tried = [motion.fits[frozenset({"coulomb_friction"})]]
-    together = selection._together(both(motion, None, tried=tried), tried[0])
+    together = selection._with_unseen_effect(both(motion, None, tried=tried), tried[0])
     assert together is motion.fits[frozenset({"coulomb_friction", "input_saturation"})]
     assert motion.asked == [("input_saturation",)]
 
@@ -870,7 +874,7 @@ def test_a_limit_of_the_input_is_sought_beside_friction_that_the_motion_refuses_
 def test_what_the_motion_does_not_need_beside_the_limit_is_not_named(limit):
     motion = with_limit(together=0.3, limit=limit)
     tried = [motion.fits[frozenset({"coulomb_friction"})]]
-    assert selection._together(both(motion, None, tried=tried), tried[0]) is None
+    assert selection._with_unseen_effect(both(motion, None, tried=tried), tried[0]) is None
 
 
 def alone(final: Fit, other: Fit, monkeypatch: Any) -> Fit | None:
@@ -881,7 +885,7 @@ def alone(final: Fit, other: Fit, monkeypatch: Any) -> Fit | None:
     monkeypatch.setattr(Fit, "level", property(lambda f: f.rms[0]), raising=False)
     w = both(motion, None)
     single_laws.fit_every_law(w, final)
-    return selection.alone(w, final)
+    return selection.single_effect_leaving_noise(w, final)
 
 
 def test_what_alone_leaves_but_noise_explains_what_others_do_not(monkeypatch):
@@ -915,8 +919,8 @@ def test_before_nothing_or_more_than_one_is_named_every_law_is_fitted_from_all_i
 def test_one_law_that_leaves_noise_is_told_at_once(effects, settled):
     """And nothing where nothing is missing; more than one law waits for all single ones."""
     w = both(Refusing(BASE, {}), None)
-    assert single_laws.settled(w, Fit(effects, (NOISE,), 1.0, white=True)) is settled
-    assert not single_laws.settled(w, Fit(effects, (3.0 * NOISE,), 1.0))
+    assert single_laws.needs_no_search(w, Fit(effects, (NOISE,), 1.0, white=True)) is settled
+    assert not single_laws.needs_no_search(w, Fit(effects, (3.0 * NOISE,), 1.0))
 
 
 @pytest.mark.parametrize(("rms", "force", "taken"), [(0.2, 0.5, True), (1.0, 0.5, False), (0.2, 3.0, False)])
@@ -925,17 +929,17 @@ def test_one_law_goes_before_another_that_leaves_surely_more(rms, force, taken):
     first = Fit(("dahl_presliding",), (1.0,), 1.0, parameters=2)
     loop = Fit(("bouc_wen_hysteresis",), (rms,), force, parameters=3)
     w = both(Asking(BASE), force_witness(*LAWS), BASE, first, loop, tried=[first, loop])
-    assert (selection.better(w, first, [first, loop]) is loop) is taken
+    assert (selection.better_option(w, first, [first, loop]) is loop) is taken
 
 
 @pytest.mark.parametrize("current", [True, False])
 def test_a_limit_of_the_voltage_is_no_part_of_a_measured_current(current):
     w = both(Motion(BASE), force_witness(*LAWS, current=current))
     one = Fit(("coulomb_friction", "input_saturation"), (1.0,), 0.5)
-    assert w.comparable(one)  # where it acts on the force, that is told in parts of the effort that is left of it
-    assert w.comparable(Fit(one.effects, (1.0,), 0.5, white=True)) is not current
-    assert w.acting(one) == ({"coulomb_friction"} if current else set(one.effects))
-    assert not w.comparable(Fit(("torque_constant_saturation",), (1.0,), 0.5))
+    assert w.force_comparable(one)  # where it acts on the force, that is told in parts of the effort that is left of it
+    assert w.force_comparable(Fit(one.effects, (1.0,), 0.5, white=True)) is not current
+    assert w.effects_in_force(one) == ({"coulomb_friction"} if current else set(one.effects))
+    assert not w.force_comparable(Fit(("torque_constant_saturation",), (1.0,), 0.5))
 
 
 @pytest.mark.parametrize(("share", "laws"), [(0.04, set()), (0.06, {"stribeck_friction"}), (0.001, None)])
@@ -943,7 +947,7 @@ def test_the_motion_is_searched_for_what_the_force_does_not_rule_out(share, laws
     """For all that there is where the force is not seen; for no law where there is little force, and none found."""
     force = force_witness(*LAWS, helpful=("stribeck_friction",))
     squares = {BASE: np.full(BLOCKS, (share * EFFORT) ** 2)}
-    names = selection._searched(both(Motion(BASE), force, kept=squares))
+    names = selection._names_to_search(both(Motion(BASE), force, kept=squares))
     assert (names is None) == (laws is None)
     assert names is None or (set(names) & set(LAWS) == laws and {"input_delay", "sensor_offset"} <= set(names))
 
@@ -951,21 +955,21 @@ def test_the_motion_is_searched_for_what_the_force_does_not_rule_out(share, laws
 def test_a_law_that_the_force_proposes_is_searched_for_however_little_there_is():
     force = force_witness(*LAWS, effects=("coulomb_friction",), helpful=("coulomb_friction",))
     squares = {BASE: np.full(BLOCKS, (0.04 * EFFORT) ** 2)}
-    assert "coulomb_friction" in (selection._searched(both(Motion(BASE), force, kept=squares)) or ())
+    assert "coulomb_friction" in (selection._names_to_search(both(Motion(BASE), force, kept=squares)) or ())
 
 
 @pytest.mark.parametrize("seen", [True, False])
 def test_of_a_family_the_motion_is_asked_of_what_the_force_asks_for(seen, monkeypatch):
     """And of the best rival; where the force is not seen, of all."""
-    monkeypatch.setattr(Evidence, "sees", lambda *_: seen)
+    monkeypatch.setattr(Evidence, "force_shows", lambda *_: seen)
     errors = {"coulomb_friction": 1.0, "stribeck_friction": 0.5, "lugre_friction": 0.9, "dahl_presliding": 0.995}
     force = force_witness(*LAWS)
-    force.sets = {frozenset({n}): SimpleNamespace(error=e) for n, e in errors.items()}
-    force.base = SimpleNamespace(error=2.0)
+    force.sets = {frozenset({n}): SimpleNamespace(validation_mse=e) for n, e in errors.items()}
+    force.base = SimpleNamespace(validation_mse=2.0)
     found, richer = Fit(("coulomb_friction",), (10.0 * NOISE,), 1.0), list(errors)[1:]
     asked = choice(force, {}, Motion(BASE)).worth_it(found, "coulomb_friction", richer)
     assert asked == (richer[:2] if seen else richer)
-    force.sets[frozenset({"coulomb_friction"})].error = 0.5
+    force.sets[frozenset({"coulomb_friction"})].validation_mse = 0.5
     rival = choice(force, {}, Motion(BASE)).worth_it(found, "coulomb_friction", richer)
     assert rival == (richer[:1] if seen else richer)
 
@@ -990,7 +994,7 @@ def test_a_richer_law_of_an_imposed_force_takes_half_of_what_is_left(rms, taken,
     )
     object.__setattr__(richer, "level", 0.0)
     motion, force = Motion(base, imposed=True), force_witness(*LAWS)
-    motion.alike = lambda before, options: []
+    motion.as_good_as_best = lambda before, options: []
     found_ones = choice(force, left(base, found, richer), motion).of_one_force(found, [richer])
     assert found_ones == ([richer] if named else [])
 
@@ -1004,9 +1008,9 @@ def test_what_the_force_takes_for_as_good_the_motion_decides_where_it_is_imposed
         object.__setattr__(f, "insignificant", lambda criteria: "")
         object.__setattr__(f, "level", 0.0)
     motion, force = Motion(base, imposed=True), force_witness(*LAWS)
-    motion.alike, motion.fitted = (lambda before, options: []), (lambda names, model: other)
-    force.fit = SimpleNamespace(error=1.2)
-    better = SimpleNamespace(error=1.1, members=(("bouc_wen_hysteresis", ()),))
+    motion.as_good_as_best, motion.fitted = (lambda before, options: []), (lambda names, model: other)
+    force.fit = SimpleNamespace(validation_mse=1.2)
+    better = SimpleNamespace(validation_mse=1.1, members=(("bouc_wen_hysteresis", ()),))
     force.sets = {
         frozenset({"bouc_wen_hysteresis"}): better,
         frozenset({"coulomb_friction"}): force.fit,

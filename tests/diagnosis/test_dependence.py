@@ -49,7 +49,7 @@ def share(record: ModelData) -> float:
     """Return the share of what the fitted model leaves that follows from its own motion."""
     model = RINGING.with_parameters({"m": 0.0442, "c": 1.76, "k": 9500.0})
     found = estimator_of(*prepared(model, *held_out([record])), DEFAULT_CRITERIA, FitCache(), jobs=1)
-    return found.base.left[0].dependent
+    return found.base.residual_tests[0].dependent
 
 
 def test_a_right_model_leaves_what_nothing_predicts():

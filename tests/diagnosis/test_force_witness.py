@@ -65,14 +65,14 @@ def record(
 
 def from_equation_error(law: Force, model: Model | None = None, **options: Any) -> estimate.EquationErrorResult:
     made = dataset_of(model or Model.from_dict(DRIVE), record(1, law, **options), record(2, law, **options))
-    return estimate.estimate_equation_error(made.problem, made.unseen)
+    return estimate.estimate_equation_error(made.training, made.validation)
 
 
 def searched(law: Force, **options: Any) -> SubsetSearch:
     """Return the search below the cut-off at which the estimate stopped."""
     made = dataset_of(Model.from_dict(DRIVE), record(1, law, **options), record(2, law, **options))
-    found = estimate.estimate_equation_error(made.problem, made.unseen)
-    return estimate.subset_search(made.problem, made.unseen, found.training.pieces[0].cutoff)
+    found = estimate.estimate_equation_error(made.training, made.validation)
+    return estimate.subset_search(made.training, made.validation, found.training.pieces[0].cutoff)
 
 
 # ---------------------------------------------------------------- columns
@@ -256,7 +256,10 @@ def test_the_simplest_law_of_a_family_is_named():
     assert found.effects == ("coulomb_friction",)
     assert named(found)["coulomb_friction"]["mu"] == pytest.approx(1.5, rel=0.02)
     models = found.sets
-    assert models[frozenset({"stribeck_friction"})].trained <= 1.001 * models[frozenset({"coulomb_friction"})].trained
+    assert (
+        models[frozenset({"stribeck_friction"})].training_mse
+        <= 1.001 * models[frozenset({"coulomb_friction"})].training_mse
+    )
 
 
 def test_a_friction_does_not_explain_the_effort_by_itself():
@@ -269,7 +272,7 @@ def test_a_friction_does_not_explain_the_effort_by_itself():
     found = from_equation_error(dry, light, noise=1e-6)
     assert "load_dependent_friction" not in named(found)
     models = found.sets
-    following, plain = (models[frozenset({n})].error for n in ("load_dependent_friction", "coulomb_friction"))
+    following, plain = (models[frozenset({n})].validation_mse for n in ("load_dependent_friction", "coulomb_friction"))
     assert plain < following
 
 
@@ -294,8 +297,8 @@ def test_forces_of_a_free_motion_are_told_beside_the_inertial_force():
     units = {"force": "N", "displacement": "m", "velocity": "m/s"}
     data = ModelData(t, np.zeros((t.size, 1)), shown, None, ("force",), ("displacement", "velocity"), units)
     made = dataset_of(model, data, data)
-    found = estimate.estimate_equation_error(made.problem, made.unseen)
-    assert found.regression.unseen.free
+    found = estimate.estimate_equation_error(made.training, made.validation)
+    assert found.regression.validation.free
     assert found.regression.percent(found.base) < 1.0
 
 
@@ -333,7 +336,7 @@ def test_an_axis_whose_speed_alone_is_recorded_turns_for_both_witnesses():
     shown = {"velocity": whole.measured["velocity"]}
     speed = replace(whole, measured=shown, units={"velocity": "rad/s"})
     found = dataset_of(Model.from_dict(DRIVE), speed, speed)
-    assert found.problem.turns
+    assert found.training.turns
 
 
 def test_several_harmonics_are_one_effect():
@@ -384,7 +387,7 @@ def over_a_minute(left_of, noise: float = 0.01, period: float = 0.0):
     )
     unseen = RegressionData((force_segment,), np.zeros(t.size), np.zeros((t.size, 0)), blocks, 1.0)
     plant = SimpleNamespace(velocity="v")
-    r = SimpleNamespace(unseen=unseen, model=SimpleNamespace(plant=plant), criteria=DEFAULT_CRITERIA)
+    r = SimpleNamespace(validation=unseen, model=SimpleNamespace(plant=plant), criteria=DEFAULT_CRITERIA)
     return r, left_of(t, v) + noise * rng.normal(size=t.size)
 
 
@@ -447,5 +450,5 @@ def test_friction_beside_a_weight_is_named_though_it_is_a_small_part_of_all_that
     assert set(found.effects) == {"gravity_load", "coulomb_friction", "asymmetric_viscous_friction"}
     assert found.values(found.fit, "gravity_load")["A"] == pytest.approx(weight, rel=0.02)
     assert found.values(found.fit, "coulomb_friction")["mu"] == pytest.approx(level, rel=0.15)
-    noise = math.sqrt(found.validation.noise) / found.validation.effort
+    noise = math.sqrt(found.validation.noise_mse) / found.validation.effort
     assert found.percent() > 250.0 * noise

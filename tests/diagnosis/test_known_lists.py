@@ -38,8 +38,8 @@ def test_elements_of_known_lists_are_fitted():
     names = {k.name for k in c.coordinates}
     assert {"torque_ripple.A[1]", "torque_ripple.phi[0]", "learned_force.values[3]"} <= names
     assert not any("orders" in name or "knots" in name or "over" in name for name in names)
-    fits = [fit(problem, c, problem.levels[-1], None, steps) for steps in (0, 10)]
-    assert fits[1].cost < fits[0].cost
+    fits = [fit(problem, c, problem.observer_gains[-1], None, steps) for steps in (0, 10)]
+    assert fits[1].objective < fits[0].objective
     fitted = fits[1].fitted()
     assert fitted.effects["torque_ripple"].parameters["orders[1]"] == 7.0
     assert [fitted.value(f"torque_ripple.A[{i}]") for i in (0, 1)] == pytest.approx(TRUE["A"], rel=0.05)

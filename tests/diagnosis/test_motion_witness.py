@@ -14,7 +14,7 @@ from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.evidence import Evidence
 from signlin_ros.diagnosis.output_error import FitCache, OutputErrorEstimator, estimator_of, fitting
 from signlin_ros.diagnosis.output_error.fitted import covariance
-from signlin_ros.diagnosis.output_error.score import gain
+from signlin_ros.diagnosis.output_error.score import improvement
 from signlin_ros.diagnosis.output_error.trials import Trial, trials, tryable
 from signlin_ros.diagnosis.progress import CancelledError, Progress
 from signlin_ros.effects import EFFECTS
@@ -62,19 +62,19 @@ def test_certainty_is_the_mean_difference_over_its_standard_error():
     before, after = RNG(0).uniform(1, 2, (40, 1)), RNG(1).uniform(1, 1.5, (40, 1))
     difference = np.append(np.log(before + 1e-6) - np.log(after + 1e-6), 0.0)  # one block more, which tells nothing
     expected = difference.mean() / (difference.std(ddof=1) / np.sqrt(41))
-    found = gain(before, after, np.array([1e-3]))
-    assert found.certainty == pytest.approx(expected)
-    assert gain(after, before, np.array([1e-3])).certainty == pytest.approx(-expected)
+    found = improvement(before, after, np.array([1e-3]))
+    assert found.t_ratio == pytest.approx(expected)
+    assert improvement(after, before, np.array([1e-3])).t_ratio == pytest.approx(-expected)
 
 
 def test_what_falls_everywhere_is_sure_however_much_there_was():
     """A loop's error of 2 to 17 times the noise, in waves, falls to the noise in every block: 3.2 standard errors."""
     waves = 9.0 + 7.0 * np.sin(np.linspace(0.0, 20.0, 98))[:, None]
     noise = np.exp(0.1 * RNG(0).normal(size=(98, 1)))
-    assert gain(waves**2, noise, np.array([1.0])).certainty > 6.0
+    assert improvement(waves**2, noise, np.array([1.0])).t_ratio > 6.0
     few = np.concatenate([noise[:90], waves[90:] ** 2])
-    assert gain(few, noise, np.array([1.0])).certainty < 3.5
-    assert gain(waves[:3] ** 2, noise[:3], np.array([1.0])).certainty <= 3.5
+    assert improvement(few, noise, np.array([1.0])).t_ratio < 3.5
+    assert improvement(waves[:3] ** 2, noise[:3], np.array([1.0])).t_ratio <= 3.5
 
 
 def test_a_friction_that_is_known_but_for_a_scale_is_there():
@@ -94,7 +94,7 @@ def test_a_friction_that_is_known_but_for_a_scale_is_there():
     mu = found.parameters["coulomb_friction.mu"]
     assert mu.value < 4 * mu.std
     assert not found.insignificant(Criteria())
-    assert not estimator.refused(estimator.base, found)
+    assert not estimator.refusal(estimator.base, found)
 
 
 def test_the_simplest_law_that_suffices_is_named():
@@ -105,7 +105,7 @@ def test_the_simplest_law_that_suffices_is_named():
     assert abs(mu.value - 2.0) < 4 * mu.std < 0.5
     assert "coulomb_friction" in path[-1][0].model.effects
     richer = found.fitted(["coulomb_friction", "viscous_friction"], COULOMB)
-    assert found.refused(path[-1][0], richer)
+    assert found.refusal(path[-1][0], richer)
 
 
 def test_a_larger_model_is_never_worse_on_what_it_was_fitted_to():
@@ -149,7 +149,7 @@ def test_gaps_several_records_and_missing_samples():
     found = estimator_of(
         *prepared(Model.from_dict(BASE), *held_out([cut, record(COULOMB, 3)])), Criteria(), FitCache(), jobs=1
     )
-    assert not found.refused(found.base, found.fitted(["coulomb_friction"]))
+    assert not found.refusal(found.base, found.fitted(["coulomb_friction"]))
 
 
 def test_it_stops_when_asked():
@@ -165,7 +165,7 @@ def test_criteria_are_arguments():
     found = motion(COULOMB)
     strict = replace(Criteria(), min_t=1e6)
     found = replace(found, criteria=strict)
-    assert found.refused(found.base, found.fitted(["coulomb_friction"]))
+    assert found.refusal(found.base, found.fitted(["coulomb_friction"]))
 
 
 @pytest.mark.parametrize(("group", "index"), [("single", 4), ("weak", 0), ("none", 1)])
@@ -187,15 +187,15 @@ BOTH = ("displacement", "velocity")
 def test_a_wave_of_few_periods_is_believed_beside_noise_alone():
     found = motion(Model.from_dict({**BASE, "effects": {"wave": WAVE}}), channels=BOTH)
     fitted = found.fitted(["cogging_torque"])
-    periods = 12.0 * np.ptp(found.problem.stretch) / (2 * np.pi)
+    periods = 12.0 * np.ptp(found.training.position_range) / (2 * np.pi)
     assert 1.0 < periods < 3.0
-    assert fitted.clean
-    assert not found.refused(found.base, fitted)
+    assert fitted.residual_is_noise
+    assert not found.refusal(found.base, fitted)
     assert found.few_waves(fitted) == {"cogging_torque": pytest.approx(periods, rel=0.02)}
 
     more = {"wave": WAVE, "coulomb_friction": {"mu": 2.0}}
     found = motion(Model.from_dict({**BASE, "effects": more}), channels=BOTH)
-    assert "waves in the record" in found.refused(found.base, found.fitted(["cogging_torque"]))
+    assert "waves in the record" in found.refusal(found.base, found.fitted(["cogging_torque"]))
 
 
 def test_it_is_told_that_a_wave_of_few_periods_need_not_go_on():
@@ -218,9 +218,9 @@ def test_every_effect_that_may_be_missing_has_a_row_whatever_was_searched():
 @pytest.mark.parametrize("turned", [False, True])
 def test_a_row_is_of_the_best_fit_of_its_effect_in_whatever_order_they_were_made(turned):
     fits = {
-        ("sensor_offset.speed",): SimpleNamespace(effects=("sensor_offset",), level=2.0),
-        ("sensor_offset.position",): SimpleNamespace(effects=("sensor_offset",), level=1.0),
-        ("backlash", "drag"): SimpleNamespace(effects=("backlash", "drag"), level=0.0),
+        ("sensor_offset.speed",): SimpleNamespace(effects=("sensor_offset",), log_mse=2.0),
+        ("sensor_offset.position",): SimpleNamespace(effects=("sensor_offset",), log_mse=1.0),
+        ("backlash", "drag"): SimpleNamespace(effects=("backlash", "drag"), log_mse=0.0),
     }
     best = dict(reversed(fits.items())) if turned else fits
     found = summary._fitted_alone(Evidence(None, SimpleNamespace(cache=FitCache(best=best)), None))
@@ -240,9 +240,13 @@ def test_add_stands_for_the_values_that_diagnose_stands_for(monkeypatch):
     base, known, unseen = Model.from_dict(BASE), record(COULOMB, 1), record(COULOMB, 2)
 
     def of_the_force(w: Evidence, f):
-        return w.motion.stated(f.effects, f.model.with_parameters({"coulomb_friction.mu": 1.75})) if f.effects else f
+        return (
+            w.output_error.at_values_of(f.effects, f.model.with_parameters({"coulomb_friction.mu": 1.75}))
+            if f.effects
+            else f
+        )
 
-    monkeypatch.setattr(Evidence, "valued", of_the_force)
+    monkeypatch.setattr(Evidence, "with_better_values", of_the_force)
     for found in (diagnose(base, known, unseen, jobs=1), add("coulomb_friction", base, known, unseen, jobs=1)):
         assert found.parameters["coulomb_friction.mu"].value == 1.75
 
@@ -250,7 +254,7 @@ def test_add_stands_for_the_values_that_diagnose_stands_for(monkeypatch):
 def test_what_the_force_found_of_a_law_is_a_start_beside_the_others(monkeypatch):
     """Where the force had a wave of order one, that of six, the best of all starts, was not tried."""
     estimator, tried = motion(Model.from_dict(BASE)), list[float]()
-    trial = trials(estimator.problem, ["coulomb_friction"])[0]
+    trial = trials(estimator.training, ["coulomb_friction"])[0]
     trial = replace(trial, starts=tuple({"mu": 0.1 * (k + 1)} for k in range(16)))
     of = estimator.base.fit
     monkeypatch.setattr(
@@ -265,7 +269,7 @@ def test_what_the_force_found_of_a_law_is_a_start_beside_the_others(monkeypatch)
     alone = starts(trial)
     estimator = replace(estimator, starts={"coulomb_friction": {"mu": 5.0}})
     assert 0.1 in alone
-    from_equation_error = starts(estimator._heard(trial))
+    from_equation_error = starts(estimator._from_equation_error(trial))
     assert {0.1, 5.0} <= from_equation_error
     assert from_equation_error - {5.0} <= alone
 
@@ -273,16 +277,19 @@ def test_what_the_force_found_of_a_law_is_a_start_beside_the_others(monkeypatch)
 def test_every_channel_is_judged_from_the_observer_that_predicts_it_best(monkeypatch):
     """With one observer for all, a motor's speed rose by 6 % where a gain of its position was put right."""
     found = motion(Model.from_dict(BASE), channels=("displacement", "velocity"))
-    known = {gains: (1.0 + abs(k - 1), 1.0 + abs(k - 2)) for k, gains in enumerate(g.tau for g in found.problem.levels)}
+    known = {
+        gains: (1.0 + abs(k - 1), 1.0 + abs(k - 2))
+        for k, gains in enumerate(g.tau for g in found.training.observer_gains)
+    }
 
     def windowed(problem: Problem, c: Candidate, theta: np.ndarray, gains: ObserverGains) -> np.ndarray:
-        return np.tile(known[gains.tau] if problem is found.problem else 2 * (10.0 * gains.tau,), (5, 1))
+        return np.tile(known[gains.tau] if problem is found.training else 2 * (10.0 * gains.tau,), (5, 1))
 
     monkeypatch.setattr(fitting, "windowed", windowed)
     squares, unseen = fitting.window_squares(
-        found.problem, found.unseen, found.base.fit.candidate, found.base.fit.theta
+        found.training, found.validation, found.base.fit.candidate, found.base.fit.theta
     )
-    first, second = (10.0 * found.problem.levels[k].tau for k in (1, 2))
+    first, second = (10.0 * found.training.observer_gains[k].tau for k in (1, 2))
     assert squares == pytest.approx(np.ones((5, 2)))
     assert unseen == pytest.approx(np.tile([first, second], (5, 1)))
 
@@ -299,8 +306,8 @@ def test_a_larger_model_starts_from_what_the_smaller_one_arrived_at():
     found = motion(COULOMB)
     for effect, start in (("cubic_stiffness", {"k3": 50.0}), ("bouc_wen_hysteresis", {"alpha": 0.4})):
         larger = found.base.model.with_effect(effect, **start)
-        c, _ = found.valued([effect], larger)
+        c, _ = found.candidate_at([effect], larger)
         theta = c.as_without(found.base.fit.parameters(), found.base.kind)
         here = evaluated(found.short, c, theta, found.base.fit.gains)
         assert here is not None
-        assert here.cost == pytest.approx(found.base.fit.cost, abs=1e-3 * abs(found.base.fit.cost))
+        assert here.objective == pytest.approx(found.base.fit.objective, abs=1e-3 * abs(found.base.fit.objective))

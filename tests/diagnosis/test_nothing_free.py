@@ -37,10 +37,10 @@ def test_a_model_without_free_parameters_is_fitted(case):
     problem = prepare(model, [data])
     c = candidate(problem, problem.base, ())
     assert c.coordinates == ()
-    for gains in problem.levels:
+    for gains in problem.observer_gains:
         found = fit(problem, c, gains)
         assert found is not None
-        assert np.isfinite(found.cost)
+        assert np.isfinite(found.objective)
         assert found.theta.size == 0
         assert found.hessian.shape == (0, 0)
         pairs = zip(found.innovations, problem.segments, strict=True)

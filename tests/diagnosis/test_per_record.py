@@ -55,7 +55,9 @@ def measured():
 
 def test_own_values_are_found_beside_what_is_shared(measured):
     prepared_records = dataset_of(mass(["constant_load.F0"], c=3.6), measured)
-    base = estimator_of(prepared_records.problem, prepared_records.unseen, DEFAULT_CRITERIA, FitCache(), jobs=1).base
+    base = estimator_of(
+        prepared_records.training, prepared_records.validation, DEFAULT_CRITERIA, FitCache(), jobs=1
+    ).base
     for i, offset in enumerate(OFFSETS, 1):
         found = base.parameters[f"constant_load.F0@{i}"]
         assert found.note == f"of run{i}.csv"
@@ -71,22 +73,24 @@ def test_derivatives_to_own_values_are_those_of_the_objective(measured):
     problem, _ = prepared(mass(["constant_load.F0"], c=3.6), measured, measured)
     c = candidate(problem, problem.base, ())
     theta = c.start() + 0.05
-    gains = problem.levels[1]
+    gains = problem.observer_gains[1]
     here = evaluated(problem, c, theta, gains)
     for i, k in enumerate(c.coordinates):
         step = 1e-5 * np.eye(theta.size)[i]
-        more, less = (evaluated(problem, c, theta + s * step, gains).cost for s in (1.0, -1.0))
+        more, less = (evaluated(problem, c, theta + s * step, gains).objective for s in (1.0, -1.0))
         assert (more - less) / 2e-5 == pytest.approx(2 * here.gradient[i], rel=1e-3, abs=1e-3), k.name
 
 
 def test_what_a_validation_record_has_of_its_own_is_fitted_to_it(measured):
     model = mass(["constant_load.F0"])
     prepared_records = dataset_of(model, measured[:2], [measured[2]])
-    base = estimator_of(prepared_records.problem, prepared_records.unseen, DEFAULT_CRITERIA, FitCache(), jobs=1).base
+    base = estimator_of(
+        prepared_records.training, prepared_records.validation, DEFAULT_CRITERIA, FitCache(), jobs=1
+    ).base
     shared = dataset_of(mass(), measured[:2], [measured[2]])
-    other = estimator_of(shared.problem, shared.unseen, DEFAULT_CRITERIA, FitCache(), jobs=1).base
-    assert np.all(base.errors < 2.0 * base.noise)
-    assert np.any(other.errors > 1.5 * base.errors)
+    other = estimator_of(shared.training, shared.validation, DEFAULT_CRITERIA, FitCache(), jobs=1).base
+    assert np.all(base.validation_rmse < 2.0 * base.noise)
+    assert np.any(other.validation_rmse > 1.5 * base.validation_rmse)
 
 
 def test_a_known_value_is_kept(measured):

@@ -64,7 +64,7 @@ def test_what_is_right_leaves_noise_on_stretches(truth, channels, u):
     problem = prepare(truth, [record(truth, channels, u)], channels)
     assert len(problem.led.segments) > 1
     c = candidate(problem, truth, ())
-    for gains in problem.levels[1:]:
+    for gains in problem.observer_gains[1:]:
         found = fit(problem.led, c, gains, c.start(), 0)
         left = np.sqrt(np.nanmean(np.concatenate(found.innovations) ** 2, axis=0))
         assert (left < 1.15 * problem.noise).all()
@@ -84,7 +84,7 @@ def test_what_was_before_a_late_input_counts_as_much_as_the_rest():
     truth = motor(input_delay={"T": 0.06}).with_parameters(L_a=1e-5)
     problem = prepare(truth, [record(truth, ("current", "speed"), switched)], ("current", "speed"))
     c = candidate(problem, truth, ())
-    left = fit(problem, c, problem.levels[-1], c.start(), 0).innovations[0]
+    left = fit(problem, c, problem.observer_gains[-1], c.start(), 0).innovations[0]
     unknown, rest = left[:13], left[13:]
     assert (np.abs(unknown) <= 1.05 * np.sqrt(np.mean(rest**2, axis=0))).all()
     assert np.std(rest[:, 0]) < 0.5 * problem.noise[0]

@@ -32,15 +32,15 @@ def test_what_is_left_is_what_least_squares_leaves():
     rng = np.random.default_rng(0)
     for count in (1, 2, 3):
         sets = np.array([rng.choice(len(found.members), count, replace=False) for _ in range(60)])
-        left = found.left(sets, 1e-6)
+        left = found.squared_error(sets, 1e-6)
         for row, error in zip(sets, left, strict=True):
             names = [found.members[j] for j in row]
             if not np.isfinite(error) or len({n for n, _ in names}) < count:
                 continue
-            columns = [r.known.columns(r.laws[n], shape) for n, shape in names]
-            X = np.hstack([r.known.X, *columns])
-            rest = r.known.y - X @ np.linalg.lstsq(X, r.known.y, rcond=1e-10)[0]
-            assert error >= (1 - 1e-6) * float(rest @ rest) - 1e-6 * float(r.known.y @ r.known.y)
+            columns = [r.training.columns(r.laws[n], shape) for n, shape in names]
+            X = np.hstack([r.training.X, *columns])
+            rest = r.training.y - X @ np.linalg.lstsq(X, r.training.y, rcond=1e-10)[0]
+            assert error >= (1 - 1e-6) * float(rest @ rest) - 1e-6 * float(r.training.y @ r.training.y)
 
 
 def test_no_coefficient_has_a_sign_that_it_cannot_have():
@@ -48,7 +48,7 @@ def test_no_coefficient_has_a_sign_that_it_cannot_have():
     against = searched(lambda q, v: 2.0 * np.tanh(1e4 * v), unit="m")
     found = Subsets(against.r, {"coulomb_friction": against.shapes["coulomb_friction"]})
     assert found.members
-    assert np.isinf(found.left(np.array([[0]]), 1e-6)).all()
+    assert np.isinf(found.squared_error(np.array([[0]]), 1e-6)).all()
 
 
 def test_three_laws_are_found_of_which_none_stands_alone():
@@ -61,7 +61,7 @@ def test_laws_that_all_but_cancel_are_no_set(weight, cancel):
     """A cubic spring, a weight and a load of 0.5 N·m each were named where a load of 0.01 N·m acted."""
     r, names = search().r, ("linear_stiffness", "cubic_stiffness")
     members = tuple((n, search().shapes[n][0]) for n in names)
-    forces = [r.unseen.columns(r.laws[n], shape)[:, 0] for n, shape in members]
+    forces = [r.validation.columns(r.laws[n], shape)[:, 0] for n, shape in members]
     along = float(forces[0] @ forces[1] / (forces[1] @ forces[1]))
     spans = {names[0]: slice(1), names[1]: slice(1, 2)}
     f = SimpleNamespace(members=members, theta=np.array([1.0, weight * along]), spans=spans)
@@ -72,7 +72,7 @@ PROGRAM = """
 import numpy as np
 from tests.diagnosis.test_subsets import search
 s = search()
-print([sorted(m) for m in s.models], s.chosen.members, repr(s.chosen.error))
+print([sorted(m) for m in s.models], s.chosen.members, repr(s.chosen.validation_mse))
 """
 
 
@@ -99,5 +99,5 @@ def test_each_set_of_laws_comes_once_and_the_best_first(most):
     names = [frozenset(n for n, _ in members) for members in sets]
     assert len(set(names)) == len(names)
     assert all(len(n) == most for n in names)
-    errors = [search().r.fitted(members).trained for members in sets[:3]]
+    errors = [search().r.fitted(members).training_mse for members in sets[:3]]
     assert errors[0] <= 1.5 * min(errors)

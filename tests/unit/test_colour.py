@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from signlin_ros.comparison.residuals import Colour, colours, correlations, related, residual_test, white
-from signlin_ros.diagnosis.output_error.score import beyond_noise, gain
+from signlin_ros.diagnosis.output_error.score import beyond_noise, improvement
 
 T = 4000
 
@@ -78,29 +78,29 @@ def blocks(seed, level, spread=0.3):
 def test_one_lost_stretch_does_not_hide_a_gain():
     before, after = blocks(0, 9.0), blocks(1, 1.0)
     after[3] = 4e4
-    found = gain(before, after, np.ones(1))
-    assert found.certainty > 5
-    assert gain(after, before, np.ones(1)).certainty < -5
+    found = improvement(before, after, np.ones(1))
+    assert found.t_ratio > 5
+    assert improvement(after, before, np.ones(1)).t_ratio < -5
 
 
 def test_no_gain_is_no_gain():
-    sure = [gain(blocks(2 * k, 1.0), blocks(2 * k + 1, 1.0), np.full(1, 0.1)).certainty for k in range(100)]
+    sure = [improvement(blocks(2 * k, 1.0), blocks(2 * k + 1, 1.0), np.full(1, 0.1)).t_ratio for k in range(100)]
     assert abs(np.mean(sure)) < 0.4
     assert np.std(sure) == pytest.approx(1.0, abs=0.35)
 
 
 def test_a_channel_that_gets_worse_is_told_by_its_own_standard_error_and_by_what_shows():
     before, after = np.hstack([blocks(1, 9.0), blocks(2, 1.0)]), np.hstack([blocks(3, 1.0), blocks(4, 3.0)])
-    found = gain(before, after, np.full(2, 0.1))
-    assert found.ratios[0] < 0.5 < 1.5 < found.ratios[1]
+    found = improvement(before, after, np.full(2, 0.1))
+    assert found.rmse_ratios[0] < 0.5 < 1.5 < found.rmse_ratios[1]
     assert found.worsens(2.0, 0.01)
-    assert not gain(before, before * 1.0001, np.full(2, 0.1)).worsens(2.0, 0.01)
+    assert not improvement(before, before * 1.0001, np.full(2, 0.1)).worsens(2.0, 0.01)
 
 
 def test_the_share_that_is_explained_is_of_what_is_no_noise():
     before, after = np.full((40, 1), 5.0), np.full((40, 1), 1.0)
-    assert gain(before, after, np.ones(1)).share == pytest.approx(1.0)
-    assert gain(before, after, np.full(1, 1e-6)).share == pytest.approx(0.8)
+    assert improvement(before, after, np.ones(1)).mse_reduction == pytest.approx(1.0)
+    assert improvement(before, after, np.full(1, 1e-6)).mse_reduction == pytest.approx(0.8)
 
 
 def test_standard_errors_of_noise_are_those_of_a_difference_of_squares():

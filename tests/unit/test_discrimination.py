@@ -71,10 +71,12 @@ def fitted(*effects, errs=0.0):
 def evidence(*weightless):
     """Return what decides, of models that err by some standard errors more than the best."""
     motion = SimpleNamespace(
-        certainty=lambda before, after: before.errs - after.errs,
-        refused=lambda base, f: "is nothing" if f.effects in weightless else "",
+        t_ratio=lambda before, after: before.errs - after.errs,
+        refusal=lambda base, f: "is nothing" if f.effects in weightless else "",
     )
-    return SimpleNamespace(motion=motion, criteria=DEFAULT_CRITERIA, raises=lambda a, b: False, base=fitted(errs=50.0))
+    return SimpleNamespace(
+        output_error=motion, criteria=DEFAULT_CRITERIA, force_rises=lambda a, b: False, base=fitted(errs=50.0)
+    )
 
 
 def rival(*effects, errs, least=None, size=""):

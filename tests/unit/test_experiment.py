@@ -186,7 +186,7 @@ def tie(one_way):
     """What the JSON of a diagnosis of the first record tells of a tie, and the record."""
     model, data, _ = load_sides(Model.load(one_way / "model.yaml"), [one_way / "first.csv"], ())
     made = dataset_of(model, data)
-    motion = estimator_of(made.problem, made.unseen, DEFAULT_CRITERIA, FitCache(), jobs=1)
+    motion = estimator_of(made.training, made.validation, DEFAULT_CRITERIA, FitCache(), jobs=1)
     rivals = [rival(motion.fitted([name])).to_json() for name in ("coulomb_friction", "constant_load")]
     content = {"ranking": [], "ladder": [{"effects": ["coulomb_friction"]}], "rivals": rivals}
     return content | {"given_model": made.model.to_yaml(), "data": ["first.csv"]}, data

@@ -10,7 +10,7 @@ import pytest
 
 from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA
 from signlin_ros.diagnosis.output_error import OutputErrorEstimator
-from signlin_ros.diagnosis.output_error.score import level
+from signlin_ros.diagnosis.output_error.score import log_mse
 from signlin_ros.diagnosis.validation import ValidationTests
 
 NOISE = np.ones(2)
@@ -19,7 +19,7 @@ SAMPLES = 1000
 
 def estimator() -> Any:
     side = SimpleNamespace(noise=NOISE, samples=SAMPLES)
-    return SimpleNamespace(problem=side, unseen=side, criteria=DEFAULT_CRITERIA)
+    return SimpleNamespace(training=side, validation=side, criteria=DEFAULT_CRITERIA)
 
 
 def fitted(squares: tuple[float, float], clean: bool = True, odd: bool = False, unseen: Any = None) -> Any:
@@ -28,8 +28,8 @@ def fitted(squares: tuple[float, float], clean: bool = True, odd: bool = False, 
     return SimpleNamespace(
         training_squares=known,
         validation_squares=other,
-        level=level(other, NOISE),
-        clean=clean,
+        log_mse=log_mse(other, NOISE),
+        residual_is_noise=clean,
         white=clean,
         implausible=["lugre_friction"] if odd else [],
     )
@@ -61,14 +61,14 @@ def test_a_model_is_refused_for_a_channel_that_errs_more_otherwise(before, after
 
 def left_of_steps(rms: float, dependent: float, step: float) -> bool:
     one = SimpleNamespace(over_noise=rms, structured=True, dependent=dependent)
-    final = SimpleNamespace(left=[one], effects=("stribeck_friction",))
+    final = SimpleNamespace(residual_tests=[one], effects=("stribeck_friction",))
     problem = SimpleNamespace(noise=np.ones(1), quanta=np.array([step]))
     evidence = SimpleNamespace(near_noise=lambda f: True)
     j: Any = SimpleNamespace(
         final=final,
         names=final.effects,
         evidence=evidence,
-        dataset=SimpleNamespace(problem=problem),
+        dataset=SimpleNamespace(training=problem),
         criteria=DEFAULT_CRITERIA,
     )
     return bool(ValidationTests.of_steps.fget(j))  # type: ignore[attr-defined]

@@ -52,7 +52,7 @@ def test_where_a_value_came_from(name, found, text):
 
 
 def judged(rotary=False):
-    return SimpleNamespace(dataset=SimpleNamespace(problem=SimpleNamespace(turns=rotary)))
+    return SimpleNamespace(dataset=SimpleNamespace(training=SimpleNamespace(turns=rotary)))
 
 
 def told(effect, rotary=False, **found):
@@ -81,7 +81,7 @@ def test_a_doubtful_fault_of_a_sensor_is_told_with_its_error():
     parameters = {"sensor_offset.displacement": ParameterEstimate(0.012, 0.013, "m")}
     f = SimpleNamespace(model=AXIS, parameters=parameters)
     assert "0.012 ± 0.013 m too much" in shown(
-        SimpleNamespace(dataset=SimpleNamespace(problem=SimpleNamespace(turns=False))), f, "sensor_offset"
+        SimpleNamespace(dataset=SimpleNamespace(training=SimpleNamespace(turns=False))), f, "sensor_offset"
     )
 
 
@@ -95,6 +95,6 @@ def test_a_doubtful_fault_of_a_sensor_is_told_with_its_error():
     ],
 )
 def test_the_nearest_is_the_best_single_effect_that_was_fitted_out(tried, best):
-    fits = [SimpleNamespace(effects=effects, level=level) for effects, level in tried.items()]
-    found = nearest(Evidence(None, SimpleNamespace(cache=FitCache(tried=fits)), None))
+    fits = [SimpleNamespace(effects=effects, log_mse=level) for effects, level in tried.items()]
+    found = nearest(Evidence(None, SimpleNamespace(cache=FitCache(weighed=fits)), None))
     assert (found and found.effects[0]) == best

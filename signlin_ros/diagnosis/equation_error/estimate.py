@@ -57,7 +57,7 @@ class EquationErrorResult:
     helpful: frozenset[str]
     waves: Waves
     flexible: Curve
-    beside: Mapping[str, tuple[RegressionFit, ...]]
+    replacements: Mapping[str, tuple[RegressionFit, ...]]
     ties: Mapping[str, tuple[str, ...]]
 
     @classmethod
@@ -83,12 +83,12 @@ class EquationErrorResult:
     @property
     def training(self) -> RegressionData:
         """Forces of the training data."""
-        return self.regression.known
+        return self.regression.training
 
     @property
     def validation(self) -> RegressionData:
         """Forces of the validation data."""
-        return self.regression.unseen
+        return self.regression.validation
 
     @property
     def laws(self) -> Mapping[str, LawRegressor]:
@@ -108,14 +108,14 @@ class EquationErrorResult:
         """Return the force left of validation data in per cent of the effort."""
         return self.regression.percent(fit or self.fit)
 
-    def residual_as_written(self, model: Model, known: bool = False) -> Array:
+    def mse_as_written(self, model: Model, known: bool = False) -> Array:
         """Return the squared force (blocks,) that a model as written leaves of validation data, or of ``known`` ones,
         at the effort as given.
         """
         r = self.regression
-        side = r.known if known else r.unseen
-        left = side.missing(model) * effort_gain(r.model, r.current) / effort_gain(model, r.current)
-        return side.by_block(stamped(left, side.X[:, -1]))
+        side = r.training if known else r.validation
+        left = side.force_residual(model) * effort_gain(r.model, r.current) / effort_gain(model, r.current)
+        return side.mse_by_block(stamped(left, side.X[:, -1]))
 
     def values(self, fit: RegressionFit, name: str) -> dict[str, float]:
         """Return the parameters of a law as a fit has them."""

@@ -26,7 +26,7 @@ from signlin_ros.diagnosis.equation_error.regression import (
     Regression,
     RegressionData,
     RegressionFit,
-    mean_certainty,
+    mean_t_ratio,
 )
 from signlin_ros.diagnosis.equation_error.waves import Waves
 
@@ -101,12 +101,12 @@ def _coordinates(piece: ForceSegment) -> Array:
 
 def _everything(r: Regression) -> Columns:
     """Return random cosines of all that a force may go with, and what bristles of several lengths do."""
-    every = np.concatenate([_coordinates(p) for p in r.known.pieces])
+    every = np.concatenate([_coordinates(p) for p in r.training.pieces])
     mean, spread = every.mean(axis=0), every.std(axis=0) + 1e-12
     rng = np.random.default_rng(0)
     W = rng.standard_normal((every.shape[1], FEATURES)) * np.repeat(WIDTHS, FEATURES // len(WIDTHS))
     phase = rng.uniform(0.0, 2 * np.pi, FEATURES)
-    widths = np.array(SLIP_WIDTHS) * (r.known.travel + MIN_DIVISOR)
+    widths = np.array(SLIP_WIDTHS) * (r.training.travel + MIN_DIVISOR)
 
     def columns(piece: ForceSegment) -> Array:
         Z = np.clip((_coordinates(piece) - mean) / spread, -3.0, 3.0)
@@ -126,7 +126,7 @@ def _splines(x: Array, inner: Array) -> Array:
 
 def _over_speed(r: Regression) -> Columns:
     """Return splines of the size of the velocity, against the motion and with it; as they begin where it is slower."""
-    speeds = np.abs(np.concatenate([p.v[p.kept] for p in r.known.pieces]))
+    speeds = np.abs(np.concatenate([p.v[p.kept] for p in r.training.pieces]))
     inner = np.unique(np.quantile(speeds, np.linspace(SLOWEST_QUANTILE, 1.0, SPEED_KNOTS)))
 
     def columns(piece: ForceSegment) -> Array:
@@ -140,7 +140,7 @@ def _along_the_way(r: Regression, waves: Waves, left: Array) -> tuple[Columns | 
     """Return the waves of forces that repeat along the way, at the orders at which what is left (K,) of training data
     does most, and what each is; None where the position was not measured, or travels too little.
     """
-    known, plant = r.known, r.model.plant
+    known, plant = r.training, r.model.plant
     measured = all(p.position_measured for p in known.pieces)
     orders = [
         (name, N)
@@ -161,16 +161,16 @@ def _unseen_after(r: Regression, waves: Waves, fit: RegressionFit) -> tuple[Arra
     """Return the residual (K,) of a flexible regression on validation data, and which force repeats along the way, if
     any.
     """
-    along, told = _along_the_way(r, waves, fit.left)
+    along, told = _along_the_way(r, waves, fit.training_residual)
     curves = [c for c in (along, _over_speed(r), _everything(r)) if c]
-    known = [_scaled(r.known, c) for c in curves]
-    tried = [_chosen(A, fit.left, r.known.blocks) for A, _, _ in known]
+    known = [_scaled(r.training, c) for c in curves]
+    tried = [_chosen(A, fit.training_residual, r.training.blocks) for A, _, _ in known]
     k = int(np.argmin([error for error, _ in tried]))
     A, centre, scale = known[k]
-    theta = _ridge(A, fit.left, tried[k][1])
-    V = np.vstack([curves[k](p) for p in r.unseen.pieces])
+    theta = _ridge(A, fit.training_residual, tried[k][1])
+    V = np.vstack([curves[k](p) for p in r.validation.pieces])
     most = int(np.argmax(np.abs(theta))) // 2
-    return np.asarray(fit.unseen - (V - centre) / scale @ theta), told[most] if curves[k] is along else ""
+    return np.asarray(fit.validation_residual - (V - centre) / scale @ theta), told[most] if curves[k] is along else ""
 
 
 def _scaled(side: RegressionData, columns: Columns) -> tuple[Array, Array, Array]:
@@ -203,12 +203,12 @@ def structured(r: Regression, waves: Waves, base: RegressionFit, fit: Regression
     ``base`` model leaves.
     """
     c = r.criteria
-    visible = c.min_flexible_share * base.error
-    if fit.error <= visible:
+    visible = c.min_flexible_share * base.validation_mse
+    if fit.validation_mse <= visible:
         return Curve(False, np.inf)
     left, along = _unseen_after(r, waves, fit)
-    flexible = RegressionFit((("flexible", ()),), fit.theta, fit.left, lambda: left)
-    large = fit.error - flexible.error > visible
+    flexible = RegressionFit((("flexible", ()),), fit.theta, fit.training_residual, lambda: left)
+    large = fit.validation_mse - flexible.validation_mse > visible
     return Curve(large and r.surely(flexible, fit) > c.min_flexible_t, r.percent(flexible), along)
 
 
@@ -217,15 +217,15 @@ def changing(r: Regression, left: Array, own: Mapping[str, Columns] | None = Non
     beyond the sensors' noise; empty if none does. Each block of time is predicted from those around it. ``own``:
     forces (T,) of what is proposed, by their names.
     """
-    unseen, found = r.unseen, dict[float, str]()
-    beyond = float(np.mean(left**2)) - unseen.noise
+    unseen, found = r.validation, dict[float, str]()
+    beyond = float(np.mean(left**2)) - unseen.noise_mse
     for name, kind in {**FORCES, **(own or {})}.items():
         whole = np.concatenate([p.seen(kind(p)) for p in unseen.pieces])
         steady = left - whole * float(whole @ left) / max(float(whole @ whole), MIN_DIVISOR)
         pairs = zip(unseen.pieces, unseen.split(steady), strict=True)
         after = np.concatenate([_changed(p, part, kind(p)) for p, part in pairs])
         gone = float(np.mean(steady**2) - np.mean(after**2))
-        sure = mean_certainty(unseen.by_block(steady), unseen.by_block(after)) > r.criteria.min_flexible_t
+        sure = mean_t_ratio(unseen.mse_by_block(steady), unseen.mse_by_block(after)) > r.criteria.min_flexible_t
         if gone > MIN_CHANGING_PART * beyond and sure:
             found[gone] = name
     return found[max(found)] if found else ""

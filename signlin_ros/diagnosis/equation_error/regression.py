@@ -90,7 +90,7 @@ class RegressionData:
         return np.vstack([law.columns(p, shape) for p in self.pieces])
 
     @property
-    def noise(self) -> float:
+    def noise_mse(self) -> float:
         """Mean square of what the sensors' noise makes of a force."""
         return float(np.mean([p.noise**2 for p in self.pieces]))
 
@@ -103,11 +103,11 @@ class RegressionData:
         """Return values (K,) by record."""
         return list(np.split(values, np.cumsum([p.kept.size for p in self.pieces])[:-1]))
 
-    def by_block(self, left: Array) -> Array:
+    def mse_by_block(self, left: Array) -> Array:
         """Return the mean squares (blocks,) of what is left (K,)."""
         return np.asarray(np.bincount(self.blocks, left**2) / np.bincount(self.blocks))
 
-    def missing(self, model: Model) -> Array:
+    def force_residual(self, model: Model) -> Array:
         """Return the force (K,) that a model lacks, as the effort that it asks for."""
         return np.concatenate([asked_effort(model, p) for p in self.pieces])
 
@@ -129,16 +129,16 @@ class RegressionFit:
 
     members: tuple[Member, ...]
     theta: Array
-    left: Array
-    _unseen: Callable[[], Array] = field(repr=False)
+    training_residual: Array
+    _validation_residual: Callable[[], Array] = field(repr=False)
     _covariance: Callable[[], Array] = field(default=lambda: np.zeros((0, 0)), repr=False)
     spans: Mapping[str, slice] = field(default_factory=dict)
-    cost: int = 0
+    n_parameters: int = 0
 
     @functools.cached_property
-    def unseen(self) -> Array:
+    def validation_residual(self) -> Array:
         """What is left (K,) of validation data."""
-        return self._unseen()
+        return self._validation_residual()
 
     @functools.cached_property
     def covariance(self) -> Array:
@@ -156,14 +156,14 @@ class RegressionFit:
         return frozenset(n for n, _ in self.members)
 
     @functools.cached_property
-    def trained(self) -> float:
+    def training_mse(self) -> float:
         """Mean square of what is left of the data that it was fitted to."""
-        return float(np.mean(self.left**2))
+        return float(np.mean(self.training_residual**2))
 
     @functools.cached_property
-    def error(self) -> float:
+    def validation_mse(self) -> float:
         """Mean square of what is left of validation data."""
-        return float(np.mean(self.unseen**2))
+        return float(np.mean(self.validation_residual**2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,10 +176,10 @@ class Regression:
 
     model: Model
     laws: Mapping[str, LawRegressor]
-    known: RegressionData
-    unseen: RegressionData
+    training: RegressionData
+    validation: RegressionData
     names: tuple[str, ...]
-    spread: Array
+    prior_std: Array
     criteria: Criteria
     current: bool
 
@@ -191,9 +191,9 @@ class Regression:
     def fitted(self, members: Sequence[Member]) -> RegressionFit:
         """Return the least-squares fit of a set of laws on the known side, and what it leaves of both."""
         members = tuple(members)
-        X = self._matrix(self.known, members)
+        X = self._matrix(self.training, members)
         spread, floor, ceiling = (np.full(X.shape[1], value) for value in (np.inf, -np.inf, np.inf))
-        spread[: self.b], floor[: self.b] = self.spread, np.expm1(-3 * np.minimum(self.spread, 50.0))
+        spread[: self.b], floor[: self.b] = self.prior_std, np.expm1(-3 * np.minimum(self.prior_std, 50.0))
         floor[self.b - 1], ceiling[self.b - 1] = -MAX_STAMP_DISTANCE, MAX_STAMP_DISTANCE
         spans, at = {}, self.b
         for n, shape in members:
@@ -201,7 +201,7 @@ class Regression:
             spans[n] = slice(at, at + len(positive))
             floor[spans[n]] = np.where(positive, 0.0, -np.inf)
             at += len(positive)
-        theta, held, size, left = _bounded(self.known.y, X, spread, floor, ceiling)
+        theta, held, size, left = _bounded(self.training.y, X, spread, floor, ceiling)
 
         def as_effort(side: RegressionData, left: Array) -> Array:
             part = np.ones_like(left)
@@ -211,13 +211,13 @@ class Regression:
             return left / np.maximum(part, MIN_DRIVING_PART)
 
         def unseen() -> Array:
-            return as_effort(self.unseen, self.unseen.y - self._matrix(self.unseen, members) @ theta)
+            return as_effort(self.validation, self.validation.y - self._matrix(self.validation, members) @ theta)
 
         def covariance() -> Array:
-            return _covariance(self.known, self._matrix(self.known, members), spread, held, size, left)
+            return _covariance(self.training, self._matrix(self.training, members), spread, held, size, left)
 
         cost = sum(self.laws[n].free(shape) for n, shape in members)
-        return RegressionFit(members, theta, as_effort(self.known, left), unseen, covariance, spans, cost)
+        return RegressionFit(members, theta, as_effort(self.training, left), unseen, covariance, spans, cost)
 
     def _matrix(self, side: RegressionData, members: Sequence[Member]) -> Array:
         """Return the base columns and those of laws, side by side (K, n)."""
@@ -225,15 +225,15 @@ class Regression:
 
     def surely(self, a: RegressionFit, b: RegressionFit) -> float:
         """Return by how many standard errors a is better than b on validation data, by blocks of time."""
-        first, second = (np.bincount(self.unseen.blocks, f.unseen**2).astype(float) for f in (a, b))
-        return mean_certainty(second, first)
+        first, second = (np.bincount(self.validation.blocks, f.validation_residual**2).astype(float) for f in (a, b))
+        return mean_t_ratio(second, first)
 
     def percent(self, fit: RegressionFit) -> float:
         """Return the force that is left of validation data in per cent of the effort (RMS)."""
-        return 100.0 * float(np.sqrt(fit.error)) / max(self.unseen.effort, MIN_DIVISOR)
+        return 100.0 * float(np.sqrt(fit.validation_mse)) / max(self.validation.effort, MIN_DIVISOR)
 
 
-def mean_certainty(before: Array, after: Array) -> float:
+def mean_t_ratio(before: Array, after: Array) -> float:
     """Return by how many standard errors squares (blocks,) fall, at most 60: their mean, or that of their logarithms,
     whichever is surer.
     """
@@ -306,7 +306,7 @@ __all__ = [
     "RegressionData",
     "RegressionFit",
     "base_of",
-    "mean_certainty",
+    "mean_t_ratio",
     "precision",
     "scaling",
 ]

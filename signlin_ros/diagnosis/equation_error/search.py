@@ -37,13 +37,13 @@ class SubsetSearch:
         """Fit sets of laws, in `Criteria.most` steps or until nothing is gained."""
         best = [self._keep(self.r.fitted(()))]
         for count in range(1, self.r.criteria.max_effects + 1):
-            before = min(f.trained for f in self.models.values())
+            before = min(f.training_mse for f in self.models.values())
             best = self._step(best, count)
-            if not best or (count > 1 and min(f.trained for f in best) > MAX_STEP_RATIO * before):
+            if not best or (count > 1 and min(f.training_mse for f in best) > MAX_STEP_RATIO * before):
                 break
         rippled = self._rippled(self._choice())
         if rippled is not None and len(rippled.members) < self.r.criteria.max_effects:
-            beside = self._subsets(rippled.members).beside(rippled.members, self._others(rippled), rippled.trained)
+            beside = self._subsets(rippled.members).beside(rippled.members, self._others(rippled), rippled.training_mse)
             self._fitted(list(beside))
 
     def _rippled(self, f: RegressionFit) -> RegressionFit | None:
@@ -56,10 +56,14 @@ class SubsetSearch:
             return None
         rest, best, orders = [m for m in f.members if m is not wave], f, wave[1]
         for _ in range(MAX_HARMONICS):
-            more = [N for N in self.waves.strongest(best.left) if all(abs(N - other) > 1e-9 for _, other in orders)]
+            more = [
+                N
+                for N in self.waves.strongest(best.training_residual)
+                if all(abs(N - other) > 1e-9 for _, other in orders)
+            ]
             tried = [self.r.fitted([*rest, (name, (*orders, (wave[1][0][0], N)))]) for N in more]
-            found = min(tried, key=lambda g: g.trained, default=None)
-            if found is None or not self.worth(found, best, 3, whole=True):
+            found = min(tried, key=lambda g: g.training_mse, default=None)
+            if found is None or not self.improves(found, best, 3, whole=True):
                 break
             best, orders = found, found.members[-1][1]
         return self._keep(best) if best is not f else None
@@ -70,7 +74,7 @@ class SubsetSearch:
         return self.models[frozenset()]
 
     def _keep(self, f: RegressionFit) -> RegressionFit:
-        self.models[f.names] = min(self.models.get(f.names, f), f, key=lambda g: g.trained)
+        self.models[f.names] = min(self.models.get(f.names, f), f, key=lambda g: g.training_mse)
         return self.models[f.names]
 
     def _step(self, best: Sequence[RegressionFit], count: int) -> list[RegressionFit]:
@@ -78,7 +82,7 @@ class SubsetSearch:
         for f in best:
             self._scan(f)
         subsets = self._subsets(chain.from_iterable(f.members for f in best))
-        found = subsets.best(count, min(f.trained for f in best))
+        found = subsets.best(count, min(f.training_mse for f in best))
         return self._fitted(found[: 4 * REFINED_BEAMS * self.r.criteria.beam_width])
 
     def _fitted(self, sets: Sequence[tuple[Member, ...]]) -> list[RegressionFit]:
@@ -86,7 +90,9 @@ class SubsetSearch:
         beam, fits = self.r.criteria.beam_width, [self.r.fitted(m) for m in sets]
         refined = [self.refined(f) for f in fits[: REFINED_BEAMS * beam]]
         fits = [self._keep(f) for f in (*refined, *fits[REFINED_BEAMS * beam :])]
-        return sorted(fits, key=lambda f: f.trained * (1 + self.r.criteria.min_share_per_parameter * f.cost))[:beam]
+        return sorted(
+            fits, key=lambda f: f.training_mse * (1 + self.r.criteria.min_share_per_parameter * f.n_parameters)
+        )[:beam]
 
     def _others(self, f: RegressionFit) -> list[str]:
         """Return the laws that may stand beside those of a fit."""
@@ -97,28 +103,28 @@ class SubsetSearch:
         """Add the orders at which what a fit leaves repeats over the position to the shapes of periodic laws."""
         for name in self._others(f):
             for order in self.r.laws[name].effect.periodic[:1]:
-                for N in self.waves.strongest(f.left):
-                    self._grown(name, ((order, N),))
+                for N in self.waves.strongest(f.training_residual):
+                    self._add_shape(name, ((order, N),))
 
-    def _grown(self, name: str, shape: Shape) -> None:
+    def _add_shape(self, name: str, shape: Shape) -> None:
         if shape not in self.shapes[name]:
             self.shapes[name].append(shape)
 
     def _subsets(self, members: Iterable[Member]) -> Subsets:
         """Return the sets of all laws, with the shapes that are known and those of some members."""
         for name, shape in members:
-            self._grown(name, shape)
+            self._add_shape(name, shape)
         return Subsets(self.r, self.shapes)
 
     @functools.cached_property
     def waves(self) -> Waves:
         """What tells at which orders a force repeats."""
-        return Waves(self.r.known, self.whole, self.r.model.gear, self.r.criteria.min_periods)
+        return Waves(self.r.training, self.whole, self.r.model.gear, self.r.criteria.min_periods)
 
     @functools.cached_property
     def _stretch(self) -> tuple[float, float]:
         """Smallest and largest position of the records."""
-        q = np.concatenate([p.q for p in self.r.known.pieces])
+        q = np.concatenate([p.q for p in self.r.training.pieces])
         return float(q.min()), float(q.max())
 
     def refined(self, f: RegressionFit) -> RegressionFit:
@@ -135,7 +141,7 @@ class SubsetSearch:
         name, shape = f.members[j]
         for n in sorted(self.r.laws[name].structural):
             others = {dict(s)[n]: None for s in self.shapes[name] if dict(s)[n] != dict(shape)[n]}
-            f = min([f, *(self.r.fitted(_put(f.members, j, n, v)) for v in others)], key=lambda g: g.trained)
+            f = min([f, *(self.r.fitted(_put(f.members, j, n, v)) for v in others)], key=lambda g: g.training_mse)
         return f
 
     def _movable(self, name: str, shape: Shape) -> list[str]:
@@ -151,14 +157,14 @@ class SubsetSearch:
         factors: tuple[float, ...] = (1 / (1 + step), 1 + step)
         least = -np.inf
         if n in effect.periodic:
-            apart = 2 * np.pi / self.r.known.travel / dict(f.members[j][1])[n] * step
+            apart = 2 * np.pi / self.r.training.travel / dict(f.members[j][1])[n] * step
             factors, least = (1 - apart, 1 + apart), self.waves.slowest
         for _ in range(MAX_SHAPE_MOVES):
             now, par = dict(f.members[j][1])[n], effect.pars()[n]
             values = {factor: float(f"{par.nearest(now * factor):.12g}") for factor in factors}
             tried = [(k, self.r.fitted(_put(f.members, j, n, v))) for k, v in values.items() if v >= least]
-            factor, best = min(tried, key=lambda one: one[1].trained, default=(1.0, f))
-            if best.trained >= f.trained * NO_GAIN:
+            factor, best = min(tried, key=lambda one: one[1].training_mse, default=(1.0, f))
+            if best.training_mse >= f.training_mse * NO_GAIN:
                 break
             f, factors = best, (factor,)  # the other way lies where it came from
         return f
@@ -186,7 +192,7 @@ class SubsetSearch:
     def helpful(self) -> frozenset[str]:
         """The laws that take away some of the missing force of validation data, alone or beside others."""
         fits = list(self.models.values())
-        return frozenset(n for f in fits for n in f.names if self.without(f, n).error > f.error)
+        return frozenset(n for f in fits for n in f.names if self.without(f, n).validation_mse > f.validation_mse)
 
     def sound(self, f: RegressionFit) -> bool:
         """Tell whether every law of a fit is needed on validation data, and its level known; nothing known is bent,
@@ -196,15 +202,18 @@ class SubsetSearch:
 
     def cancels(self, f: RegressionFit) -> bool:
         """Tell whether laws all but cancel: together they vary by little of what one of them does."""
-        laws = [self.r.unseen.columns(self.r.laws[n], z) @ f.theta[f.spans[n]] for n, z in f.members]
+        laws = [self.r.validation.columns(self.r.laws[n], z) @ f.theta[f.spans[n]] for n, z in f.members]
         return len(laws) > 1 and bool(np.var(sum(laws)) < self.r.criteria.max_force_mse_left * max(map(np.var, laws)))
 
     def bends(self, f: RegressionFit) -> bool:
         """Tell whether a fit moves a base parameter that carries force beyond tolerance, and further than the base."""
         c, r = self.r.criteria, self.r
-        spread, theta, alone = (x[: r.b - 1] for x in (r.spread, f.theta, self.base.theta))
+        spread, theta, alone = (x[: r.b - 1] for x in (r.prior_std, f.theta, self.base.theta))
         moved, before = (np.abs(np.log1p(np.maximum(x, -1 + 1e-12))) / spread for x in (theta, alone))
-        carried = np.abs(theta) * np.sqrt(np.mean(r.unseen.X[:, :-1] ** 2, axis=0)) > c.min_bent_share * r.unseen.effort
+        carried = (
+            np.abs(theta) * np.sqrt(np.mean(r.validation.X[:, :-1] ** 2, axis=0))
+            > c.min_bent_share * r.validation.effort
+        )
         return bool(f.members) and bool(
             np.any((moved > c.max_bent) & (moved > before + 1.0) & carried & (spread < 0.5))
         )
@@ -215,35 +224,44 @@ class SubsetSearch:
         """
         free, shown = (
             self.r.laws[name].free(dict(f.members)[name]),
-            self.r.criteria.min_share_per_parameter * self.base.error,
+            self.r.criteria.min_share_per_parameter * self.base.validation_mse,
         )
-        if not self._told(f, name) or not self.worth(f, self.without(f, name), free):
+        if not self._significant(f, name) or not self.improves(f, self.without(f, name), free):
             return False
         simpler = self._simpler(f, name)
-        return all(self.worth(f, g, free) and (g.error - f.error > shown or self._most(f, g)) for g in simpler)
+        return all(
+            self.improves(f, g, free) and (g.validation_mse - f.validation_mse > shown or self._most(f, g))
+            for g in simpler
+        )
 
-    def _told(self, f: RegressionFit, name: str) -> bool:
+    def _significant(self, f: RegressionFit, name: str) -> bool:
         """Tell whether the level of a law is known, its parameters are possible, and the records show what it is."""
         law = self.r.laws[name]
         values = law.parameters(dict(f.members)[name], f.theta[f.spans[name]])
         possible = law.effect.plausible(values) and law.effect.is_met(values, *self._stretch)
-        return possible and self.level(f, name) >= self.r.criteria.min_coefficient_t
+        return possible and self.t_ratio(f, name) >= self.r.criteria.min_coefficient_t
 
-    def worth(self, f: RegressionFit, reference: RegressionFit, free: int, whole: bool = False) -> bool:
+    def improves(self, f: RegressionFit, reference: RegressionFit, free: int, whole: bool = False) -> bool:
         """Tell whether a fit takes away a sure and visible part of a simpler one's validation error, and of all that is
         missing where more than noise is left: a small part beside that has no name, but one more wave (``whole``), or
         what takes away most of what was left: beside a weight all friction is a small part.
         """
-        c, gone = self.r.criteria, reference.error - f.error
-        clean = whole or f.error < c.min_force_over_noise**2 * self.r.unseen.noise or self._most(f, reference)
-        large = gone > c.min_share_per_parameter * max(free * reference.error, 0.0 if clean else self.base.error)
+        c, gone = self.r.criteria, reference.validation_mse - f.validation_mse
+        clean = (
+            whole
+            or f.validation_mse < c.min_force_over_noise**2 * self.r.validation.noise_mse
+            or self._most(f, reference)
+        )
+        large = gone > c.min_share_per_parameter * max(
+            free * reference.validation_mse, 0.0 if clean else self.base.validation_mse
+        )
         return large and self.r.surely(f, reference) >= c.min_t
 
     def _most(self, f: RegressionFit, reference: RegressionFit) -> bool:
         """Tell whether a fit takes away most of what another one leaves of validation data."""
-        return f.error < self.r.criteria.max_force_mse_left * reference.error
+        return f.validation_mse < self.r.criteria.max_force_mse_left * reference.validation_mse
 
-    def level(self, f: RegressionFit, name: str) -> float:
+    def t_ratio(self, f: RegressionFit, name: str) -> float:
         """Return by how many standard errors a law is from nothing: by what tells it from simpler ones, or by all."""
         law, span = self.r.laws[name], f.spans[name]
         z = np.abs(f.theta[span]) / np.maximum(f.std[span], MIN_DIVISOR)
@@ -259,19 +277,19 @@ class SubsetSearch:
     def chosen(self) -> RegressionFit:
         """The least set that is sound, within a standard error or 1 % RMS of the best; what is worth most first."""
         found = self._choice()
-        ordered = sorted(found.members, key=lambda m: -self.without(found, m[0]).error)
+        ordered = sorted(found.members, key=lambda m: -self.without(found, m[0]).validation_mse)
         return self.r.fitted(ordered) if len(ordered) > 1 else found
 
     def _choice(self) -> RegressionFit:
         sound = [f for f in list(self.models.values()) if self.sound(f)] or [self.base]
-        best = min(sound, key=lambda f: f.error)
+        best = min(sound, key=lambda f: f.validation_mse)
         near = [f for f in sound if f is best or self.alike(best, f)]
-        return min(near, key=lambda f: (f.cost, f.error))
+        return min(near, key=lambda f: (f.n_parameters, f.validation_mse))
 
     def alike(self, best: RegressionFit, f: RegressionFit) -> bool:
         """Tell whether a fit is as good as a better one on validation data."""
         c = self.r.criteria
-        return self.r.surely(best, f) < c.tie_t or f.error < (1 + c.visible_change) ** 2 * best.error
+        return self.r.surely(best, f) < c.tie_t or f.validation_mse < (1 + c.visible_change) ** 2 * best.validation_mse
 
     def beside(self, f: RegressionFit, name: str) -> tuple[RegressionFit, ...]:
         """Return the sets that have another law in the place of one of a fit's, each from all its shapes."""
@@ -279,16 +297,16 @@ class SubsetSearch:
         others = [n for n in self.r.laws if n not in f.names]
         found = {n: self.models[rest.names | {n}] for n in others if rest.names | {n} in self.models}
         new = [n for n in others if n not in found]
-        for members in self._subsets(rest.members).beside(rest.members, new, rest.trained) if new else ():
+        for members in self._subsets(rest.members).beside(rest.members, new, rest.training_mse) if new else ():
             one = self.r.fitted(members)
             (other,) = one.names - rest.names
-            found[other] = min(found.get(other, one), one, key=lambda g: g.trained)
+            found[other] = min(found.get(other, one), one, key=lambda g: g.training_mse)
         return tuple(found.values())
 
     def ties(self, f: RegressionFit, others: Sequence[RegressionFit]) -> tuple[str, ...]:
         """Return the laws by which some sets differ from a fit, and which could as well stand in it."""
         pairs = [(n, g) for g in others for n in g.names - f.names]
-        return tuple(sorted(n for n, g in pairs if self.alike(f, g) and self._told(g, n)))
+        return tuple(sorted(n for n, g in pairs if self.alike(f, g) and self._significant(g, n)))
 
 
 def _put(members: Sequence[Member], j: int, n: str, value: float) -> tuple[Member, ...]:

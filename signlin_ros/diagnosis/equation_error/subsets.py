@@ -24,10 +24,10 @@ class Subsets:
 
     def __init__(self, r: Regression, shapes: Mapping[str, Sequence[Shape]]) -> None:
         self.r, self.members = r, list[Member]()
-        names, parts, columns, positive = list(r.laws), list[list[int]](), [r.known.X], [False] * r.b
+        names, parts, columns, positive = list(r.laws), list[list[int]](), [r.training.X], [False] * r.b
         families, kinds = [law.family for law in r.laws.values()], list[tuple[int, int]]()
         for name, shape in [(n, shape) for n in names for shape in shapes.get(n, ())]:
-            law, C = r.laws[name], r.known.columns(r.laws[name], shape)
+            law, C = r.laws[name], r.training.columns(r.laws[name], shape)
             if not np.isfinite(C).all():
                 continue  # a law of somebody's own, with a root or a power of what crosses zero
             columns.append(C)
@@ -43,19 +43,19 @@ class Subsets:
         A = A / self._scale
         n = A.shape[1]
         self._gram, self._moments = np.zeros((n + 1, n + 1)), np.zeros(n + 1)  # the last one is no column at all
-        self._gram[:n, :n], self._moments[:n] = A.T @ A, A.T @ r.known.y
+        self._gram[:n, :n], self._moments[:n] = A.T @ A, A.T @ r.training.y
         self._gram[n, n] = 1.0
-        self._size, self._total = r.known.y.size, float(r.known.y @ r.known.y)
+        self._size, self._total = r.training.y.size, float(r.training.y @ r.training.y)
         self._positive = np.array([*positive, False])
         width = max((len(p) for p in parts), default=1)
         self._parts = np.array([[*p, *[n] * (width - len(p))] for p in parts], dtype=np.intp).reshape(-1, width)
         self._law, self._kind = np.array(kinds, dtype=np.intp).reshape(-1, 2).T
         self._free = np.array([r.laws[name].free(shape) for name, shape in self.members], dtype=float)
 
-    def left(self, sets: Sets, size: float) -> Array:
+    def squared_error(self, sets: Sets, size: float) -> Array:
         """Return about the squared error (S,) that sets (S, k) leave, inf beside a wrong sign; ``size``: mean left."""
         base, r = np.arange(self.r.b), self.r
-        known = precision(r.spread, self._scale[: r.b], np.sqrt(size), self._size)
+        known = precision(r.prior_std, self._scale[: r.b], np.sqrt(size), self._size)
         found = np.empty(len(sets))
         for at in range(0, len(sets), BATCH):
             some = sets[at : at + BATCH]
@@ -78,7 +78,7 @@ class Subsets:
     def _best(self, count: int, size: float) -> Sets:
         sets = self._sets(count, size)
         rank = (
-            self.left(sets, size)
+            self.squared_error(sets, size)
             / self._size
             * (1.0 + self.r.criteria.min_share_per_parameter * self._free[sets].sum(axis=1))
         )
@@ -103,7 +103,7 @@ class Subsets:
         for name in names:
             more = [j for j, m in enumerate(self.members) if m[0] == name]
             sets = np.array([[*fixed, j] for j in more], dtype=np.intp)
-            left = self.left(sets, size) if more else np.zeros(0)
+            left = self.squared_error(sets, size) if more else np.zeros(0)
             if np.isfinite(left).any():
                 yield (*members, self.members[more[int(np.argmin(left))]])
 

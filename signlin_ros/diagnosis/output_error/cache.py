@@ -28,15 +28,15 @@ class FitCache:
     """
 
     best: dict[Kind, FittedModel] = field(default_factory=dict)
-    climbed: dict[Kind, Fit | None] = field(default_factory=dict)
+    multi_start: dict[Kind, Fit | None] = field(default_factory=dict)
     asked: list[tuple[Asked, FittedModel]] = field(default_factory=list)
-    tried: list[FittedModel] = field(default_factory=list)
+    weighed: list[FittedModel] = field(default_factory=list)
     searched: dict[tuple[str, ...], set[str]] = field(default_factory=dict)
-    force_left: dict[FittedModel, NDArray[np.float64]] = field(default_factory=dict)
+    force_mse: dict[FittedModel, NDArray[np.float64]] = field(default_factory=dict)
 
     def keep(self, *found: FittedModel) -> None:
         """Keep models that a selection weighs."""
-        self.tried += [f for f in found if f not in self.tried]
+        self.weighed += [f for f in found if f not in self.weighed]
 
 
 __all__ = ["FitCache"]

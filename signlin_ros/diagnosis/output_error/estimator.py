@@ -9,7 +9,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,22 +23,22 @@ from signlin_ros.diagnosis.output_error.fitting import (
     MIDDLE_STEPS,
     ON,
     Minimum,
-    bred,
     cheapest,
-    climbed,
-    promising,
-    settled,
+    cross_entropy_fit,
+    fit_over_gains,
+    likelihood_t,
+    multi_start_fit,
+    screened,
     window_squares,
-    without,
 )
-from signlin_ros.diagnosis.output_error.residual import left
-from signlin_ros.diagnosis.output_error.score import level
+from signlin_ros.diagnosis.output_error.residual import residual_tests
+from signlin_ros.diagnosis.output_error.score import log_mse
 from signlin_ros.diagnosis.output_error.trials import CandidateParts, Trial, completed, rescanned, trials, tryable
 from signlin_ros.diagnosis.progress import Progress
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import SimulationError
 from signlin_ros.fitting.candidate import Candidate, candidate
-from signlin_ros.fitting.fit import Fit, fit, tidied
+from signlin_ros.fitting.fit import Fit, fit, with_positive_amplitudes
 from signlin_ros.fitting.prepare import stretched
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.follow.data import unit_asked
@@ -50,6 +50,8 @@ BEAM = 2
 """How many single effects a search tries with every other one where none is enough by itself."""
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
+R = TypeVar("R")
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,26 +63,26 @@ class OutputErrorEstimator(Decisions):
     equation-error estimate found, one by one; ``jobs``: threads.
     """
 
-    problem: Problem
-    unseen: Problem
+    training: Problem
+    validation: Problem
     short: Problem
     criteria: Criteria
     cache: FitCache
     progress: Progress = field(default_factory=Progress)
     jobs: int = 1
     starts: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    as_given: FittedModel | None = None
+    base_unfitted: FittedModel | None = None
 
     def holding(self, values: Mapping[str, float], progress: Progress | None = None) -> OutputErrorEstimator:
         """Return the same estimate, of the same model as given, with parameters held."""
-        base = self.problem.base.with_parameters(values)
+        base = self.training.base.with_parameters(values)
         held = base.with_options(frozen=tuple(dict.fromkeys((*base.frozen, *values))))
-        known, unseen = (replace(side, base=held) for side in (self.problem, self.unseen))
-        return replace(self._with_problems(known, unseen, progress), as_given=self.given)
+        known, unseen = (replace(side, base=held) for side in (self.training, self.validation))
+        return replace(self._with_problems(known, unseen, progress), base_unfitted=self.unfitted)
 
     def acting(self, hold: str | float) -> OutputErrorEstimator:
         """Return the same estimate with inputs that act as a model's ``input_hold`` may say."""
-        return self._with_problems(self.problem.acting(hold), self.unseen.acting(hold))
+        return self._with_problems(self.training.acting(hold), self.validation.acting(hold))
 
     def _with_problems(self, known: Problem, unseen: Problem, progress: Progress | None = None) -> OutputErrorEstimator:
         watched = progress or self.progress.without_seen()
@@ -88,10 +90,10 @@ class OutputErrorEstimator(Decisions):
 
     def referring_to_given(self) -> OutputErrorEstimator:
         """Return the same estimate with the model as given for the best of its class."""
-        base = self.as_it_is(self.given.model)
+        base = self.without_fit(self.unfitted.model)
         return replace(self, cache=replace(self.cache, best={**self.cache.best, (): base}))
 
-    def each(self, do: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:
+    def in_parallel(self, do: Callable[[T], R], items: Sequence[T]) -> list[R]:
         """Do a thing to each, side by side."""
         return side_by_side(do, items, self.jobs)
 
@@ -106,67 +108,67 @@ class OutputErrorEstimator(Decisions):
     def own_values(self) -> dict[str, dict[str, float]]:
         """What records have of their own in the best fit of the model as given, by their sources: known elsewhere."""
         found = dict[str, dict[str, float]]()
-        for one in self.base.known:
+        for one in self.base.coordinates:
             if one.k.record:
                 found.setdefault(one.k.record, {})[one.k.parameter] = one.k.value(one.x)
         return found
 
     @functools.cached_property
-    def given(self) -> FittedModel:
+    def unfitted(self) -> FittedModel:
         """The model as given."""
-        return self.as_given or self.as_it_is(self.problem.base)
+        return self.base_unfitted or self.without_fit(self.training.base)
 
     @functools.cached_property
     def candidates(self) -> frozenset[str]:
         """The effects that can be tried by themselves on these records."""
-        return frozenset(n for n in EFFECTS if tryable(self.problem, n))
+        return frozenset(n for n in EFFECTS if tryable(self.training, n))
 
     def best(self, f: FittedModel) -> FittedModel:
         """Return the best fit of a model that is known by now: a larger one may have shown the way out of a minimum."""
         return self.cache.best[f.kind]
 
-    def _settled(self, c: Candidate, *starts: Array | None) -> Minimum | None:
-        return settled(self.short, c, starts, self.progress.check)
+    def _over_gains(self, c: Candidate, *starts: Array | None) -> Minimum | None:
+        return fit_over_gains(self.short, c, starts, self.progress.check)
 
     def _keep(self, found: Minimum) -> FittedModel:
         """Return a fit with all that is told of it, or the best of its class, if that is another one."""
-        mine = self._told(found.fit, found.low)
+        mine = self._fitted_model(found.fit, found.low)
         known = self.cache.best.get(mine.kind)
         if known is None or self._preferred(mine, known):
             self.cache.best[mine.kind] = mine
             self.progress.seen(mine)
         return self.cache.best[mine.kind]
 
-    def _told(self, f: Fit, low: Fit) -> FittedModel:
+    def _fitted_model(self, f: Fit, low: Fit) -> FittedModel:
         """Return a fit with all that is told of it: errors are `window_squares`, what is left is that of ``low``."""
-        f = tidied(f)
+        f = with_positive_amplitudes(f)
         whole, errors, uses = CandidateParts.of(f).whole, covariances(self.short, f), f.candidate.model.effects
         coordinates = coordinates_of(f, errors)
         return FittedModel(
             tuple(uses[k].type if k in uses else k.partition(".")[0] for k in f.candidate.label),
             whole,
-            estimates(self.problem, whole, coordinates),
-            *window_squares(self.problem, self.unseen, f.candidate, f.theta),
-            self.unseen.noise,
+            estimates(self.training, whole, coordinates),
+            *window_squares(self.training, self.validation, f.candidate, f.theta),
+            self.validation.noise,
             f,
             coordinates,
             errors,
-            functools.partial(left, self.short, low, self.criteria),
-            functools.cache(functools.partial(without, self.short, f, errors)),
+            functools.partial(residual_tests, self.short, low, self.criteria),
+            functools.cache(functools.partial(likelihood_t, self.short, f, errors)),
         )
 
     def _errs_less(self, one: FittedModel, other: FittedModel) -> bool:
         """Tell whether a fit errs less than another one on the training data."""
-        return level(one.training_squares, self.problem.noise) < level(other.training_squares, self.problem.noise)
+        return log_mse(one.training_squares, self.training.noise) < log_mse(other.training_squares, self.training.noise)
 
     def _preferred(self, mine: FittedModel, known: FittedModel) -> bool:
         """Tell whether a fit takes the place of another of its class: it errs less on what both were fitted to, or has
         the values of a real thing, unlike that one, and errs not surely more.
         """
-        noise = self.problem.noise
-        falls = level(known.training_squares, noise) - level(mine.training_squares, noise)
+        noise = self.training.noise
+        falls = log_mse(known.training_squares, noise) - log_mse(mine.training_squares, noise)
         real = bool(known.implausible) - bool(mine.implausible)
-        return falls + real * self.criteria.min_t**2 / self.problem.samples > 0.0
+        return falls + real * self.criteria.min_t**2 / self.training.samples > 0.0
 
     def fitted(self, effects: Sequence[str], start: Model | None = None) -> FittedModel:
         """Return the best fit of these effects beside the base parameters: from the values of ``start``, if it has all
@@ -177,39 +179,41 @@ class OutputErrorEstimator(Decisions):
         if known:
             return self.best(known)
         has = {use.type for use in start.effects.values()} if start else set()
-        found = self._as_given(effects, start) if start and set(effects) <= has else None
+        found = self._fitted_from_values(effects, start) if start and set(effects) <= has else None
         if found is None:
             found = self.base
             for name in effects:
-                found = self._with(found, [t.given(self.problem, start) for t in trials(self.problem, [name])])
+                found = self._with(
+                    found, [t.starting_from(self.training, start) for t in trials(self.training, [name])]
+                )
         self.cache.asked.append((asked, found))
         return found
 
-    def stated(self, effects: Sequence[str], model: Model) -> FittedModel | None:
+    def at_values_of(self, effects: Sequence[str], model: Model) -> FittedModel | None:
         """Return effects with the values that a model has of them, and of its base parameters, as they are."""
-        c, theta = self.valued(effects, model)
-        f = fit(self.short, c, self.problem.levels[0], theta, 0)
-        return self._told(f, f) if f else None
+        c, theta = self.candidate_at(effects, model)
+        f = fit(self.short, c, self.training.observer_gains[0], theta, 0)
+        return self._fitted_model(f, f) if f else None
 
-    def as_it_is(self, model: Model, effects: tuple[str, ...] = ()) -> FittedModel:
+    def without_fit(self, model: Model, effects: tuple[str, ...] = ()) -> FittedModel:
         """Return a model of the same states as the one given as it is: nothing is fitted; `window_squares`."""
-        c = candidate(replace(self.problem, base=model), model, ())
-        squares, unseen = window_squares(self.problem, self.unseen, c, c.start(), as_it_is=True)
+        c = candidate(replace(self.training, base=model), model, ())
+        squares, unseen = window_squares(self.training, self.validation, c, c.start(), as_it_is=True)
         return replace(self.base, effects=effects, model=model, training_squares=squares, validation_squares=unseen)
 
-    def soon(self, c: Candidate, theta: Array) -> float:
+    def objective_nearby(self, c: Candidate, theta: Array) -> float:
         """Return -2 log likelihood of the training data a few steps from some coordinates; inf where it diverges."""
-        f = fit(self.short, c, self.problem.levels[1], theta, MIDDLE_STEPS)
-        return f.cost if f else np.inf
+        f = fit(self.short, c, self.training.observer_gains[1], theta, MIDDLE_STEPS)
+        return f.objective if f else np.inf
 
-    def _as_given(self, effects: Sequence[str], start: Model) -> FittedModel | None:
+    def _fitted_from_values(self, effects: Sequence[str], start: Model) -> FittedModel | None:
         """Return the fit of effects from the values of a model that has them all, its base parameters too."""
         if not effects:
             return self.base
-        c, theta = self.valued(effects, start)
-        found = self._settled(c, None, theta)
+        c, theta = self.candidate_at(effects, start)
+        found = self._over_gains(c, None, theta)
         best = self._held(c, theta, found) or found
-        return self._around(self._nearby(best)) if best else None
+        return self._with_submodels(self._descended(best)) if best else None
 
     def fitted_from(
         self, effects: Sequence[str], starts: Sequence[Model], within: Mapping[str, tuple[float, float]] | None = None
@@ -218,59 +222,59 @@ class OutputErrorEstimator(Decisions):
 
         ``within``: the least and the largest value by parameter; such a fit is not the best of its class, nor kept.
         """
-        c, _ = self.valued(effects, starts[0])
+        c, _ = self.candidate_at(effects, starts[0])
         if within:
             sides = {k.name: within.get(k.name, (-np.inf, np.inf)) for k in c.coordinates}
             bounded = tuple(k.within(*sides[k.name]) for k in c.coordinates)
             c = replace(c.apart(), coordinates=bounded)
         thetas = [np.clip(c.start(numbers(m)), *c.bounds) for m in starts]
-        found = self._settled(c, *thetas)
+        found = self._over_gains(c, *thetas)
         if found is None or within:
-            return self._told(found.fit, found.low) if found else None
-        return self._around(self._nearby(self._held(c, thetas[0], found) or found))
+            return self._fitted_model(found.fit, found.low) if found else None
+        return self._with_submodels(self._descended(self._held(c, thetas[0], found) or found))
 
-    def valued(self, effects: Sequence[str], start: Model) -> tuple[Candidate, Array]:
+    def candidate_at(self, effects: Sequence[str], start: Model) -> tuple[Candidate, Array]:
         """Return the candidate with some effects, and its coordinates with the values of a model that has them all."""
         parts = CandidateParts.of(self.base.fit)
         for name in effects:
-            options = trials(self.problem, [name])
-            trial = next((t for t in options if t.values(start)), options[0]).given(self.problem, start)
+            options = trials(self.training, [name])
+            trial = next((t for t in options if t.values(start)), options[0]).starting_from(self.training, start)
             parts = parts.extended(name, trial.starts[0])
-        c = parts.candidate(self.problem)
+        c = parts.candidate(self.training)
         return c, c.start(numbers(start))
 
     def _held(self, c: Candidate, theta: Array, found: Minimum | None) -> Minimum | None:
         """Return a candidate fitted from given values with the quickest observer: a slower one lets a motion slip from
         one wave to the next. None where what was ``found`` without it is as good.
         """
-        tried = (fit(self.short, c, self.problem.levels[0], theta, steps) for steps in (0, MIDDLE_STEPS))
-        held = min((Minimum.of(self.short, f, f) for f in tried if f), key=attrgetter("level"), default=None)
-        if held is None or (found and found.level <= held.level):
+        tried = (fit(self.short, c, self.training.observer_gains[0], theta, steps) for steps in (0, MIDDLE_STEPS))
+        held = min((Minimum.of(self.short, f, f) for f in tried if f), key=attrgetter("log_mse"), default=None)
+        if held is None or (found and found.log_mse <= held.log_mse):
             return None
-        low = fit(self.short, c, self.problem.levels[-1], held.fit.theta, MIDDLE_STEPS)
+        low = fit(self.short, c, self.training.observer_gains[-1], held.fit.theta, MIDDLE_STEPS)
         return replace(held, low=cheapest([low, found.low if found else None]) or held.fit)
 
     def _with(self, now: FittedModel, options: Sequence[Trial]) -> FittedModel:
         """Return a fit with one effect more, the best of some trials (of a sensor there is one for each channel)."""
-        best = cheapest(self.each(lambda t: self._climbed(now.fit, t), options))
+        best = cheapest(self.in_parallel(lambda t: self._multi_start(now.fit, t), options))
         found = next(iter(self._all_finished(now, [best] if best else [])), None)
         if found is None:
             name = options[0].name
-            raise SimulationError(f"{self.problem.base.source}: with {name} the model diverges on these records")
+            raise SimulationError(f"{self.training.base.source}: with {name} the model diverges on these records")
         return found
 
-    def _climbed(self, before: Fit, trial: Trial, few: int = MAX_STARTS, on: int = 0) -> Fit | None:
+    def _multi_start(self, before: Fit, trial: Trial, few: int = MAX_STARTS, on: int = 0) -> Fit | None:
         self.progress.check()
-        return climbed(self.short, before, rescanned(self.short, trial, before), few, on)
+        return multi_start_fit(self.short, before, rescanned(self.short, trial, before), few, on)
 
-    def _thorough(self, before: Fit, trial: Trial) -> Fit | None:
+    def _from_all_starts(self, before: Fit, trial: Trial) -> Fit | None:
         """Return the best fit of one more effect from all its starts (some, where it has many minima), gone on with."""
         key = (*before.candidate.label, trial.name, trial.channel)
-        if key not in self.cache.climbed:
-            self.cache.climbed[key] = self._climbed(
+        if key not in self.cache.multi_start:
+            self.cache.multi_start[key] = self._multi_start(
                 before, trial, MAX_STARTS if trial.effect.rugged else len(trial.starts), ON
             )
-        return self.cache.climbed[key]
+        return self.cache.multi_start[key]
 
     def _all_finished(self, of: FittedModel, fits: Sequence[Fit]) -> list[FittedModel]:
         """Return promising fits gone on with to the end, also from the base parameters of what they extend, and that
@@ -279,12 +283,12 @@ class OutputErrorEstimator(Decisions):
         """
 
         def finished(f: Fit) -> Minimum | None:
-            found = self._settled(f.candidate, f.theta, f.candidate.start({**f.parameters(), **of.fit.parameters()}))
-            return self._nearby(found) if found else None
+            found = self._over_gains(f.candidate, f.theta, f.candidate.start({**f.parameters(), **of.fit.parameters()}))
+            return self._descended(found) if found else None
 
-        return [self._around(found) for found in self.each(finished, fits) if found]
+        return [self._with_submodels(found) for found in self.in_parallel(finished, fits) if found]
 
-    def _nearby(self, found: Minimum) -> Minimum:
+    def _descended(self, found: Minimum) -> Minimum:
         """Return a fit, or a better one that its last effect leads to from near where it arrived, and so on."""
         f = found.fit
         key = next(reversed(f.candidate.label), "")
@@ -292,28 +296,28 @@ class OutputErrorEstimator(Decisions):
         near = EFFECTS[use.type].nearby(use.parameters) if use else []
         if not use or not near:
             return found
-        points = [completed(self.problem, EFFECTS[use.type], p) for p in near]
+        points = [completed(self.training, EFFECTS[use.type], p) for p in near]
         parts = CandidateParts.of(f).without(key)
-        candidates = [parts.extended(use.type, point).candidate(self.problem) for point in points]
+        candidates = [parts.extended(use.type, point).candidate(self.training) for point in points]
         plain = {n: v for n, v in f.parameters().items() if not n.startswith(f"{key}.")}
         starts = [(c, c.start(plain)) for c in candidates]
         if not EFFECTS[use.type].plausible(use.parameters):
-            return self._real(found, starts)
-        again = self._lower(f, starts)
-        return self._nearby(again) if again and again.level < found.level else found
+            return self._physical(found, starts)
+        again = self._lower_minimum(f, starts)
+        return self._descended(again) if again and again.log_mse < found.log_mse else found
 
-    def _real(self, found: Minimum, starts: Sequence[tuple[Candidate, Array]]) -> Minimum:
+    def _physical(self, found: Minimum, starts: Sequence[tuple[Candidate, Array]]) -> Minimum:
         """Return the best of some starts gone on with to the end, where that errs less than a fit, or not surely more
         with the values of a real thing: one law may imitate another with values that it has not.
         """
-        every = [one for one in self.each(lambda start: self._settled(*start), starts) if one]
-        best = min(every, key=attrgetter("level"), default=found)
+        every = [one for one in self.in_parallel(lambda start: self._over_gains(*start), starts) if one]
+        best = min(every, key=attrgetter("log_mse"), default=found)
         use = best.fit.fitted().effects[next(reversed(best.fit.candidate.label))]
         margin = self.criteria.min_t**2 / self.short.samples
         real = EFFECTS[use.type].plausible(use.parameters)
-        return best if best.level < found.level + (margin if real else 0.0) else found
+        return best if best.log_mse < found.log_mse + (margin if real else 0.0) else found
 
-    def _around(self, found: Minimum) -> FittedModel:
+    def _with_submodels(self, found: Minimum) -> FittedModel:
         """Keep a fit, and fit those that lack one of its effects from where it arrived, if that leads further down; and
         it from one of these that is better without the effect: a larger model follows what it was fitted to as well.
         """
@@ -322,11 +326,11 @@ class OutputErrorEstimator(Decisions):
             one = other.fit.candidate
             if not set(one.label) < set(c.label) or len(c.label) != len(one.label) + 1:
                 continue
-            again = self._lower(other.fit, self._smaller(found.fit, one))
-            best = self._keep(self._nearby(again)) if again else other
+            again = self._lower_minimum(other.fit, self._smaller(found.fit, one))
+            best = self._keep(self._descended(again)) if again else other
             if self._errs_less(best, mine):
-                better = self._lower(found.fit, [(c, c.as_without(best.fit.parameters(), best.kind))])
-                mine = self._keep(self._nearby(better)) if better else mine
+                better = self._lower_minimum(found.fit, [(c, c.as_without(best.fit.parameters(), best.kind))])
+                mine = self._keep(self._descended(better)) if better else mine
         return mine
 
     def _smaller(self, f: Fit, c: Candidate) -> list[tuple[Candidate, Array]]:
@@ -336,17 +340,17 @@ class OutputErrorEstimator(Decisions):
         points = [c]
         extra = [key for key in f.candidate.label if key not in c.label and key in f.candidate.model.effects]
         if any(EFFECTS[use.type].periodic for key, use in c.model.effects.items() if key in c.label):
-            points += [CandidateParts.of(f).without(key).candidate(self.problem) for key in extra]
+            points += [CandidateParts.of(f).without(key).candidate(self.training) for key in extra]
         return [(one, one.start(f.parameters())) for one in points]
 
-    def _lower(self, f: Fit, points: Sequence[tuple[Candidate, Array]]) -> Minimum | None:
+    def _lower_minimum(self, f: Fit, points: Sequence[tuple[Candidate, Array]]) -> Minimum | None:
         """Return the best of some points gone on with to the end, if a few steps lead further down than from a fit."""
-        middle, starts = self.problem.levels[1], [(c.apart(), x) for c, x in ((f.candidate, f.theta), *points)]
-        here, *there = self.each(lambda one: fit(self.short, one[0], middle, one[1], MIDDLE_STEPS), starts)
+        middle, starts = self.training.observer_gains[1], [(c.apart(), x) for c, x in ((f.candidate, f.theta), *points)]
+        here, *there = self.in_parallel(lambda one: fit(self.short, one[0], middle, one[1], MIDDLE_STEPS), starts)
         best = cheapest(there)
-        if best is None or (here and best.cost > here.cost - 1.0):
+        if best is None or (here and best.objective > here.objective - 1.0):
             return None
-        return self._settled(best.candidate, best.theta)
+        return self._over_gains(best.candidate, best.theta)
 
     # ------------------------------------------------------------ one effect more
 
@@ -360,25 +364,25 @@ class OutputErrorEstimator(Decisions):
         """Return fits with one effect more, the promising ones fitted out, least error on validation data first; those
         that come near a ``rival`` that is as good. ``share``: from all starts, those of this share of the best's gain.
         """
-        options = [self._heard(t) for t in trials(self.problem, names) if t.name not in of.effects]
+        options = [self._from_equation_error(t) for t in trials(self.training, names) if t.name not in of.effects]
         self.cache.searched.setdefault(of.effects, set()).update(t.name for t in options)
         self.progress.say(f"{len(options)} effects on top of {', '.join(of.effects) or 'the base model'}")
-        climb = self._climbed if share is None else self._thorough
-        fits = [f for f in self.each(lambda t: climb(of.fit, t), options) if f]
-        kept = promising(self.short, of.fit, fits, rival.fit if rival else None, share)
+        climb = self._multi_start if share is None else self._from_all_starts
+        fits = [f for f in self.in_parallel(lambda t: climb(of.fit, t), options) if f]
+        kept = screened(self.short, of.fit, fits, rival.fit if rival else None, share)
         self.progress.say(f"fitting {len(kept)} of them to the end")
         found = self._all_finished(of, kept)
-        if not names and found and not min(found, key=attrgetter("level")).white:
+        if not names and found and not min(found, key=attrgetter("log_mse")).white:
             found += self._all_finished(of, self._richer(of, found, options))
-        found += self.plainer(*found)
-        return sorted({one.kind: one for one in found}.values(), key=attrgetter("level"))
+        found += self.simplified(*found)
+        return sorted({one.kind: one for one in found}.values(), key=attrgetter("log_mse"))
 
-    def _heard(self, trial: Trial) -> Trial:
+    def _from_equation_error(self, trial: Trial) -> Trial:
         """Return a trial that starts from what the equation-error estimate found of its effect, too."""
         values = self.starts.get(trial.name)
         if not values:
             return trial
-        return replace(trial, starts=(completed(self.problem, trial.effect, values), *trial.starts))
+        return replace(trial, starts=(completed(self.training, trial.effect, values), *trial.starts))
 
     def _richer(self, of: FittedModel, found: Sequence[FittedModel], options: Sequence[Trial]) -> list[Fit]:
         """Return fits of effects that extend others, from where these arrived."""
@@ -386,18 +390,20 @@ class OutputErrorEstimator(Decisions):
         for use in (f.added[key] for f in found for key in f.fit.candidate.label[-1:] if key in f.added):
             for trial in options:
                 after = [{**trial.starts[0], **p} for p in trial.effect.after(use.type, use.parameters)]
-                starts = tuple(completed(self.problem, trial.effect, p) for p in after)
+                starts = tuple(completed(self.training, trial.effect, p) for p in after)
                 jobs += [replace(trial, starts=starts)] if starts else []
-        return [f for f in self.each(lambda t: self._climbed(of.fit, t, len(t.starts)), jobs) if f]
+        return [f for f in self.in_parallel(lambda t: self._multi_start(of.fit, t, len(t.starts)), jobs) if f]
 
-    def plainer(self, *fits: FittedModel) -> list[FittedModel]:
+    def simplified(self, *fits: FittedModel) -> list[FittedModel]:
         """Return fits with the simpler law in place of one that cannot be told from it, or that is one for the values
         found; without it beside others where nothing tells it from nothing.
         """
-        fewer = [(c, c.start(f.fit.parameters())) for f in fits for c in self._fewer(f)]
-        return [self._around(one) for one in self.each(lambda pair: self._settled(*pair), fewer) if one]
+        fewer = [(c, c.start(f.fit.parameters())) for f in fits for c in self._simpler(f)]
+        return [
+            self._with_submodels(one) for one in self.in_parallel(lambda pair: self._over_gains(*pair), fewer) if one
+        ]
 
-    def _fewer(self, f: FittedModel) -> list[Candidate]:
+    def _simpler(self, f: FittedModel) -> list[Candidate]:
         """Return the candidates that are simpler than a fit in one of its effects."""
         parts, found = CandidateParts.of(f.fit), list[CandidateParts]()
         for key, use in f.added.items():
@@ -406,13 +412,13 @@ class OutputErrorEstimator(Decisions):
             rest, simpler = parts.without(key), effect.simpler(use.parameters | nothing)
             fewer = [rest.extended(n, start) for n, start in simpler.items()]
             found += fewer or ([rest] if insignificant and len(f.effects) > 1 else [])
-        return [one.candidate(self.problem) for one in found]
+        return [one.candidate(self.training) for one in found]
 
-    def bred(self, of: FittedModel, names: Sequence[str] | None = None) -> list[FittedModel]:
+    def cross_entropy(self, of: FittedModel, names: Sequence[str] | None = None) -> list[FittedModel]:
         """Return fits with one effect more of many local minima, each from the best of all its starts."""
-        options = [t for t in trials(self.problem, names) if t.effect.rugged and t.name not in of.effects]
+        options = [t for t in trials(self.training, names) if t.effect.rugged and t.name not in of.effects]
         self.progress.say("effects with many local minima")
-        fits = [bred(self.short, self.best(of).fit, t, self.each) for t in options]
+        fits = [cross_entropy_fit(self.short, self.best(of).fit, t, self.in_parallel) for t in options]
         return self._all_finished(of, [f for f in fits if f])
 
     # ------------------------------------------------------------ one effect after the other
@@ -431,16 +437,16 @@ class OutputErrorEstimator(Decisions):
         path = [[now]]
         while len(now.effects) < depth and (len(path) == 1 or not now.white):
             options = self.extensions(now, names)
-            alike = self.alike(now, options)
+            alike = self.as_good_as_best(now, options)
             if len(path) == 1 and not (alike and alike[0].white) and (whole := single(alike[0] if alike else now)):
                 return [path[0], [whole, *options]]
             if not (now.white or (alike and alike[0].white)):
-                options += self.bred(now, names)
-                alike = self.alike(now, options)
+                options += self.cross_entropy(now, names)
+                alike = self.as_good_as_best(now, options)
             if not alike and depth > 1 and not (now.white or now.effects):
                 options += [two for one in options[:BEAM] for two in self.extensions(one, names)]
                 options = [*{one.kind: self.best(one) for one in options}.values()]  # a larger one may show the way
-                alike = self.alike(now, options)
+                alike = self.as_good_as_best(now, options)
             if not alike:
                 path[-1] += [one for one in options if one not in path[-1]]
                 break
@@ -467,7 +473,7 @@ def estimator_of(
     threads = jobs or min(os.cpu_count() or 1, 2)
     found = OutputErrorEstimator(problem, unseen, stretched(problem), criteria, cache, watched, threads)
     watched.say("base model")
-    base = found._settled(candidate(problem, problem.base, ()), None)
+    base = found._over_gains(candidate(problem, problem.base, ()), None)
     if base is None:
         step = problem.scale.step
         apart = f"the model diverges on these records: the samples are {step:.3g} s apart{unit_asked(step)}"

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.output_error.residual import ResidualStructure
-from signlin_ros.diagnosis.output_error.score import level
+from signlin_ros.diagnosis.output_error.score import log_mse
 from signlin_ros.diagnosis.results import ParameterEstimate
 from signlin_ros.effects import EFFECTS
 from signlin_ros.effects.base import Effect
@@ -53,7 +53,7 @@ class FittedCoordinate(NamedTuple):
         return self.k.name.rpartition(".")[2]
 
     @property
-    def off(self) -> float:
+    def prior_deviation(self) -> float:
         """How far it is from nominal, in tolerances: below it (x - x0) / x0, above it ln(x / x0), over the tolerance;
         what is known to within all of itself may be nothing.
         """
@@ -73,9 +73,9 @@ class FittedCoordinate(NamedTuple):
             return "at its bound"
         if self.k.record:
             return f"of {self.k.record}"
-        if self.k.spread < 1.0 and abs(self.off) > ODD:
+        if self.k.spread < 1.0 and abs(self.prior_deviation) > ODD:
             times = f" ({np.exp(self.x - self.k.prior):.3g} times it)" if self.k.log else ""
-            return f"{abs(self.off):.1f} tolerances from its nominal value{times}"
+            return f"{abs(self.prior_deviation):.1f} tolerances from its nominal value{times}"
         untold = self.k.spread < 1.0 and self.std > UNTOLD * self.k.spread
         return "not excited: the record says nothing beyond the tolerance" if untold else ""
 
@@ -98,18 +98,18 @@ class FittedModel:
     validation_squares: Array
     noise: Array
     fit: Fit = field(repr=False)
-    known: tuple[FittedCoordinate, ...] = field(repr=False)
+    coordinates: tuple[FittedCoordinate, ...] = field(repr=False)
     covariances: tuple[Array, ...] = field(repr=False)
-    look: Callable[[], tuple[ResidualStructure, ...]] = field(repr=False)
-    apart: Callable[[tuple[int, ...]], float] = field(repr=False)
+    test_residual: Callable[[], tuple[ResidualStructure, ...]] = field(repr=False)
+    likelihood_t: Callable[[tuple[int, ...]], float] = field(repr=False)
 
     @cached_property
-    def left(self) -> tuple[ResidualStructure, ...]:
+    def residual_tests(self) -> tuple[ResidualStructure, ...]:
         """What the residual still shows, by channel."""
-        return self.look()
+        return self.test_residual()
 
     @property
-    def errors(self) -> Array:
+    def validation_rmse(self) -> Array:
         """RMS errors (channels,) of validation data over the horizon: those of the tables."""
         return np.asarray(np.sqrt(np.nanmean(self.validation_squares, axis=0)))
 
@@ -121,21 +121,21 @@ class FittedModel:
     @property
     def white(self) -> bool:
         """Whether nothing is left but the noise of the sensors."""
-        return not any(one.structured for one in self.left)
+        return not any(one.structured for one in self.residual_tests)
 
-    def near(self, times: float) -> bool:
+    def within_noise(self, times: float) -> bool:
         """Tell whether every channel of validation data errs by less than so many times its sensor's noise."""
-        return bool(np.all(self.errors < times * self.noise))
+        return bool(np.all(self.validation_rmse < times * self.noise))
 
     @property
-    def clean(self) -> bool:
+    def residual_is_noise(self) -> bool:
         """Whether nothing is left but noise, and samples are enough to tell: what cannot be tested is no proof."""
-        return self.white and not any(np.isnan(one.dependent) for one in self.left)
+        return self.white and not any(np.isnan(one.dependent) for one in self.residual_tests)
 
     @property
-    def level(self) -> float:
+    def log_mse(self) -> float:
         """Sum over channels of the logarithms of the mean squared error on validation data, less being better."""
-        return level(self.validation_squares, self.noise)
+        return log_mse(self.validation_squares, self.noise)
 
     @property
     def added(self) -> dict[str, EffectUse]:
@@ -143,26 +143,26 @@ class FittedModel:
         return {k: self.model.effects[k] for k in self.fit.candidate.label if k in self.model.effects}
 
     @property
-    def size(self) -> int:
+    def n_parameters(self) -> int:
         """Number of parameters beyond those of the model as given, with the whole orders that were chosen for waves."""
-        own = {one.k.name for one in self.known if one.key in self.kind}
+        own = {one.k.name for one in self.coordinates if one.key in self.kind}
         return len(own | {f"{k}.{n}" for k, use in self.added.items() for n in EFFECTS[use.type].periodic[:1]})
 
     @cached_property
     def prior_distance(self) -> float:
         """Squared distance of the parameters of the model as given from their values there, in tolerances."""
-        base = (one for one in self.known if one.key not in self.kind)
+        base = (one for one in self.coordinates if one.key not in self.kind)
         return float(sum(((one.x - one.k.prior) / one.k.spread) ** 2 for one in base))
 
     @property
-    def off(self) -> dict[str, float]:
+    def prior_deviations(self) -> dict[str, float]:
         """By how many tolerances every base parameter is off its nominal value."""
-        shared = (one for one in self.known if not one.k.record)
-        return {one.k.name: one.off for one in shared if one.k.spread < np.inf and not one.key}
+        shared = (one for one in self.coordinates if not one.k.record)
+        return {one.k.name: one.prior_deviation for one in shared if one.k.spread < np.inf and not one.key}
 
-    def far(self, criteria: Criteria) -> dict[str, float]:
+    def far_from_nominal(self, criteria: Criteria) -> dict[str, float]:
         """Return the base parameters that are far from nominal, and by how many tolerances."""
-        return {n: x for n, x in self.off.items() if abs(x) > criteria.max_tolerances_off}
+        return {n: x for n, x in self.prior_deviations.items() if abs(x) > criteria.max_tolerances_off}
 
     @property
     def implausible(self) -> list[str]:
@@ -171,14 +171,14 @@ class FittedModel:
 
     def insignificant(self, criteria: Criteria) -> str:
         """Return why what was added cannot be named: a coefficient that is nothing, at a bound or hardly known."""
-        return next((why for key in self.fit.candidate.label if (why := self._vague(key, criteria))), "")
+        return next((why for key in self.fit.candidate.label if (why := self._insignificant(key, criteria))), "")
 
-    def _vague(self, key: str, criteria: Criteria) -> str:
+    def _insignificant(self, key: str, criteria: Criteria) -> str:
         effect = EFFECTS[self.added[key].type if key in self.added else key.partition(".")[0]]
         if key in self.implausible:
             return f"the values of {key} are not those of a real one"
         told, where = (*effect.telling, *effect.essential), {*effect.turning[1:], *effect.periodic[:1]}
-        own = {i: one for i, one in enumerate(self.known) if one.key == key and one.name not in where}
+        own = {i: one for i, one in enumerate(self.coordinates) if one.key == key and one.name not in where}
         moving = {i: one for i, one in own.items() if np.isfinite(one.std) or one.name in told}
         if own and not moving:
             return f"nothing is known of {key}"
@@ -195,13 +195,13 @@ class FittedModel:
                 return f"{k.name} is {1.0 / one.std:.1f} of its own standard errors from nothing"
         tests: list[tuple[int, ...]] = [(at[n],) for n in effect.telling if n in at]
         for index in tests or ([tuple(at.values())] if at else []):
-            size = self._together(effect, index)
-            surely = max(size, self.apart(index)) if 1.0 <= size < criteria.min_coefficient_t else size
+            size = self._joint_t(effect, index)
+            surely = max(size, self.likelihood_t(index)) if 1.0 <= size < criteria.min_coefficient_t else size
             if surely < criteria.min_coefficient_t:  # nor is the likelihood asked of what its own error swallows
                 return f"{key} is {surely:.1f} of its own standard errors from nothing"
         return ""
 
-    def certainty(self, effect: str) -> float:
+    def t_ratio(self, effect: str) -> float:
         """Return by how many standard errors an added effect differs from nothing, as its printed errors say: these
         allow for any residual, where a likelihood takes what is left for noise. Infinite where no level tells.
         """
@@ -210,20 +210,20 @@ class FittedModel:
         where = {*cls.turning[1:], *cls.periodic[:1]}
         own = {
             one.name: (i, one)
-            for i, one in enumerate(self.known)
+            for i, one in enumerate(self.coordinates)
             if one.key in keys and one.name not in where and one.k.name.startswith(effect)
         }
         levels = [i for i, one in own.values() if not one.k.log or one.name in cls.neutral]
         told: list[tuple[int, ...]] = [(own[n][0],) for n in cls.telling if n in own and own[n][0] in levels]
-        sizes += [self._together(cls, index) for index in told or ([tuple(levels)] if levels else [])]
+        sizes += [self._joint_t(cls, index) for index in told or ([tuple(levels)] if levels else [])]
         sizes += [1.0 / one.std for n, (_, one) in own.items() if n in cls.telling and one.k.log and one.std > 0.0]
         return float(min(sizes))
 
-    def _together(self, effect: type[Effect], index: tuple[int, ...]) -> float:
+    def _joint_t(self, effect: type[Effect], index: tuple[int, ...]) -> float:
         """Return by how many standard errors coefficients of an effect differ from nothing, all of them together [Wald
         1943, doi:10.1090/S0002-9947-1943-0012401-3]: each may be unknown where only their difference is known.
         """
-        apart = np.array([self.known[i].x - self.known[i].k.nothing(effect) for i in index])
+        apart = np.array([self.coordinates[i].x - self.coordinates[i].k.nothing(effect) for i in index])
         inverses = (np.linalg.pinv(c[np.ix_(index, index)], hermitian=True) for c in self.covariances)
         return float(np.sqrt(min(max(float(apart @ i @ apart), 0.0) for i in inverses)))
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from signlin_ros.diagnosis.output_error.score import level, parts_of, windowed
+from signlin_ros.diagnosis.output_error.score import log_mse, parts_of, windowed
 from signlin_ros.diagnosis.output_error.trials import CandidateParts, Trial
 from signlin_ros.effects import EFFECTS
 from signlin_ros.fitting.candidate import Candidate
@@ -45,45 +45,45 @@ class Minimum:
     """
 
     fit: Fit
-    level: float
+    log_mse: float
     low: Fit
 
     @classmethod
     def of(cls, problem: Problem, f: Fit, low: Fit) -> Minimum:
         """Return a fit and one at the lowest gain with the level of the first."""
-        return cls(f, level(windowed(problem, f.candidate, f.theta, f.gains), problem.noise), low)
+        return cls(f, log_mse(windowed(problem, f.candidate, f.theta, f.gains), problem.noise), low)
 
 
 def cheapest(fits: Iterable[Fit | None]) -> Fit | None:
     """Return the fit of the least objective; None where all diverged."""
-    return min((f for f in fits if f), key=attrgetter("cost"), default=None)
+    return min((f for f in fits if f), key=attrgetter("objective"), default=None)
 
 
-def settled(
+def fit_over_gains(
     problem: Problem, c: Candidate, starts: Sequence[Array | None], check: Callable[[], None]
 ) -> Minimum | None:
     """Return a candidate fitted from the best start at all gains but the highest, one by one; ``check`` may raise."""
     tried = []
     for theta in starts:
         check()
-        tried.append(fit(problem, c, problem.levels[1], theta, MIDDLE_STEPS))
+        tried.append(fit(problem, c, problem.observer_gains[1], theta, MIDDLE_STEPS))
     if problem.base.plant.closed_loop and not c.label:
         tried += _from_around(problem, c, [f.theta for f in tried if f])
     best = cheapest(tried)
     if best is None:
         return None
     fits = [further(problem, best, LAST_STEPS)]
-    for gains in problem.levels[2:]:
+    for gains in problem.observer_gains[2:]:
         check()
         lower = fit(problem, c, gains, fits[-1].theta, LAST_STEPS)
         if lower is None:
             break
         fits.append(lower)
-    found = min((Minimum.of(problem, f, fits[-1]) for f in fits), key=attrgetter("level"))
+    found = min((Minimum.of(problem, f, fits[-1]) for f in fits), key=attrgetter("log_mse"))
     if found.fit is found.low:
         return found
     slow = fit(problem, c, found.low.gains, found.fit.theta, 0)  # on the way down a fit may lose what it had
-    return replace(found, low=slow) if slow and slow.cost < found.low.cost else found
+    return replace(found, low=slow) if slow and slow.objective < found.low.objective else found
 
 
 def _from_around(problem: Problem, c: Candidate, known: Sequence[Array]) -> list[Fit | None]:
@@ -95,16 +95,16 @@ def _from_around(problem: Problem, c: Candidate, known: Sequence[Array]) -> list
     origin, reach = known[0] if known else c.start(), AROUND * np.array([c.coordinates[i].spread for i in base])
     starts = np.tile(origin, (FREE_RUN_STARTS if base else 0, 1))
     starts[:, base] += reach * (2.0 * qmc.Halton(len(base), scramble=False).random(len(starts)) - 1.0) if base else 0.0
-    few = [fit(problem.short, c, problem.levels[1], np.clip(x, *c.bounds), MIDDLE_STEPS) for x in starts]
-    near = sorted((f for f in few if f), key=attrgetter("cost"))[:STARTS_KEPT]
-    return [fit(problem, c, problem.levels[1], f.theta, MIDDLE_STEPS) for f in near]
+    few = [fit(problem.short, c, problem.observer_gains[1], np.clip(x, *c.bounds), MIDDLE_STEPS) for x in starts]
+    near = sorted((f for f in few if f), key=attrgetter("objective"))[:STARTS_KEPT]
+    return [fit(problem, c, problem.observer_gains[1], f.theta, MIDDLE_STEPS) for f in near]
 
 
-def in_turn(problem: Problem, c: Candidate, theta: Array, folds: Sequence[Sequence[int]]) -> Array:
+def cross_validated(problem: Problem, c: Candidate, theta: Array, folds: Sequence[Sequence[int]]) -> Array:
     """Return the squared errors (blocks, channels) of every record, each predicted by a fit to the records of the other
     folds [cross validation: Stone, J. R. Stat. Soc. B 36 (1974) 111]; what each record has of its own is fitted to it.
     """
-    gains, parts, found = problem.levels[-1], parts_of(problem), dict[int, Array]()
+    gains, parts, found = problem.observer_gains[-1], parts_of(problem), dict[int, Array]()
     for fold in folds:
         others = tuple(s for i, s in enumerate(problem.segments) if i not in fold)
         f, fitted = fit(replace(problem, segments=others), c, gains, theta, LAST_STEPS), {s.source for s in others}
@@ -134,10 +134,10 @@ def window_squares(
     the observer that predicts its training data best: from one for all, a channel rose. Where records are held out in
     turn, parameters are fitted to the others each time, unless a model is taken ``as_it_is``.
     """
-    levels = problem.levels
+    levels = problem.observer_gains
     if unseen.folds:
         known = windowed(problem, c, theta, levels[0])
-        return known, known if as_it_is else in_turn(problem, c, theta, unseen.folds)
+        return known, known if as_it_is else cross_validated(problem, c, theta, unseen.folds)
     known = np.array([windowed(problem, c, theta, gains) for gains in levels])
     own = np.argmin(np.nan_to_num(known).mean(axis=1), axis=0).tolist()
     fitted = {s.source for s in (unseen if as_it_is else problem).segments}
@@ -146,7 +146,7 @@ def window_squares(
     return np.column_stack([known[k, :, i] for i, k in pairs]), np.column_stack([left[k][:, i] for i, k in pairs])
 
 
-def without(problem: Problem, f: Fit, covariances: Sequence[Array], index: tuple[int, ...]) -> float:
+def likelihood_t(problem: Problem, f: Fit, covariances: Sequence[Array], index: tuple[int, ...]) -> float:
     """Return by how many standard errors coordinates of added effects differ from nothing, by how much the likelihood
     falls where they are held there [Wilks 1938, doi:10.1214/aoms/1177732360], which does not depend on their units. The
     scores' own variance allows for the residual's correlation.
@@ -161,14 +161,14 @@ def without(problem: Problem, f: Fit, covariances: Sequence[Array], index: tuple
         return np.inf
     scores = f.hessian @ covariances[-1] @ f.hessian
     correlated = max(1.0, *(float(scores[i, i] / max(f.hessian[i, i], 1e-300)) for i in index))
-    return float(np.sqrt(max(best.cost - f.cost, 0.0) / correlated))
+    return float(np.sqrt(max(best.objective - f.objective, 0.0) / correlated))
 
 
-def climbed(problem: Problem, before: Fit, trial: Trial, few: int = MAX_STARTS, on: int = 0) -> Fit | None:
+def multi_start_fit(problem: Problem, before: Fit, trial: Trial, few: int = MAX_STARTS, on: int = 0) -> Fit | None:
     """Return the best fit of one more effect at the middle gain on a part of the records, from its first start and some
     of the others, with base parameters as given and as they were fitted before; the best go ``on`` so many steps.
     """
-    remembers, (high, middle) = bool(trial.effect.states), problem.levels[:2]
+    remembers, (high, middle) = bool(trial.effect.states), problem.observer_gains[:2]
     slow = problem.base.plant.closed_loop and bool(
         trial.effect.periodic
     )  # what watches tells little of a wave's height
@@ -181,35 +181,35 @@ def climbed(problem: Problem, before: Fit, trial: Trial, few: int = MAX_STARTS, 
     added = {n: v for n, v in known.items() if n in label or n.partition(".")[0] in label}
     ways = [added, known] if label else [added]
     first = [fit(short, c, high, c.start(way), few_steps) for c in candidates for way in ways]
-    best = sorted((f for f in first if f), key=attrgetter("cost"))[:STARTS_KEPT]
+    best = sorted((f for f in first if f), key=attrgetter("objective"))[:STARTS_KEPT]
     second = [fit(short, f.candidate, middle, f.theta, more) for f in best]
     if remembers:  # a high gain says little of what is remembered
         second += [fit(short, c, middle, c.start(added), more) for c in candidates]
     if on:  # a few steps tell little of what starts far away
-        best = sorted((f for f in second if f), key=attrgetter("cost"))[:STARTS_FOLLOWED]
+        best = sorted((f for f in second if f), key=attrgetter("objective"))[:STARTS_FOLLOWED]
         second = [further(short, f, on) for f in best]
     return cheapest(second)
 
 
-def promising(problem: Problem, of: Fit, fits: Sequence[Fit], rival: Fit | None, share: float | None) -> list[Fit]:
+def screened(problem: Problem, of: Fit, fits: Sequence[Fit], rival: Fit | None, share: float | None) -> list[Fit]:
     """Return the fits that gain a ``share`` of what the best gains beyond one, by likelihood on stretches, `SERIOUS` by
     default; some in any case, but where a ``rival`` is as good as these have to be.
     """
-    short, middle = problem.short, problem.levels[1]
+    short, middle = problem.short, problem.observer_gains[1]
     base, other = (fit(short, one.candidate, middle, one.theta, LAST_STEPS) if one else None for one in (of, rival))
-    ordered = sorted(fits, key=attrgetter("cost"))
+    ordered = sorted(fits, key=attrgetter("objective"))
     if base is None or not ordered:
         return ordered[:FINISHED]
-    most = base.cost - min(f.cost for f in (ordered[0], other) if f)
+    most = base.objective - min(f.objective for f in (ordered[0], other) if f)
     first, least = (0 if other else ANYWAY), (SERIOUS if share is None else share) * most
-    return [f for i, f in enumerate(ordered) if i < first or base.cost - f.cost > least][:FINISHED]
+    return [f for i, f in enumerate(ordered) if i < first or base.objective - f.objective > least][:FINISHED]
 
 
-def bred(problem: Problem, before: Fit, trial: Trial, each: Each) -> Fit | None:
+def cross_entropy_fit(problem: Problem, before: Fit, trial: Trial, each: Each) -> Fit | None:
     """Return the best fit of an effect with many local minima, as of what makes and breaks contact: from the best of
     many positive starts, and of what they breed [Rubinstein and Kroese, The Cross-Entropy Method, 2004, ch. 2].
     """
-    parts, middle = CandidateParts.of(before), problem.levels[1]
+    parts, middle = CandidateParts.of(before), problem.observer_gains[1]
     c = parts.extended(trial.name, trial.starts[0]).candidate(problem)
     own = {k.name: i for i, k in enumerate(c.coordinates) if k.name.partition(".")[0] == c.label[-1]}
     free = {n: own[f"{c.label[-1]}.{n}"] for n in trial.starts[0] if f"{c.label[-1]}.{n}" in own}
@@ -219,7 +219,7 @@ def bred(problem: Problem, before: Fit, trial: Trial, each: Each) -> Fit | None:
         theta = c.start()
         theta[index] = [c.coordinates[i].theta(value) for i, value in zip(index, np.exp(z).tolist(), strict=True)]
         f = evaluated(problem.short, c, np.clip(theta, *c.bounds), middle, False)
-        return f.cost if f else np.inf
+        return f.objective if f else np.inf
 
     best = _bred(np.log([[one[n] for n in free] for one in trial.starts]), cost, each)[:BRED_KEPT]
     starts = [{**trial.starts[0], **dict(zip(free, np.exp(z).tolist(), strict=True))} for z in best]
@@ -246,11 +246,11 @@ __all__ = [
     "MIDDLE_STEPS",
     "ON",
     "Minimum",
-    "bred",
     "cheapest",
-    "climbed",
-    "promising",
-    "settled",
+    "cross_entropy_fit",
+    "fit_over_gains",
+    "likelihood_t",
+    "multi_start_fit",
+    "screened",
     "window_squares",
-    "without",
 ]

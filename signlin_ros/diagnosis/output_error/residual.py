@@ -49,12 +49,12 @@ class ResidualStructure:
     over_noise: float
     dependent: float
     structured: bool
-    together: float
+    correlated_samples: float
 
 
-def left(problem: Problem, f: Fit, criteria: Criteria) -> tuple[ResidualStructure, ...]:
+def residual_tests(problem: Problem, f: Fit, criteria: Criteria) -> tuple[ResidualStructure, ...]:
     """Return the structure of a fit's residual by channel, with the slowest observer: others keep on its track."""
-    lowest = problem.levels[-1]
+    lowest = problem.observer_gains[-1]
     slow = f if f.gains is lowest else fit(problem, f.candidate, lowest, f.theta, 0)
     f, lost, result = slow or f, slow is None, []
     found, shares = colours(f.innovations, problem.noise), dependence(problem, f).tolist()
@@ -78,7 +78,7 @@ def dependence(problem: Problem, f: Fit) -> Array:
     looks: list[tuple[int, Array | None, ObserverGains]] = [(least, None, f.gains)]
     if problem.base.plant.velocity in c.model.states:
         model = f.fitted()
-        seen = ((response(problem, model, gains), gains) for gains in problem.levels[::-1])
+        seen = ((response(problem, model, gains), gains) for gains in problem.observer_gains[::-1])
         sizes = [(max(least, ceil(LENGTHS * _length(r))), r, gains) for r, gains in seen]
         looks = [one for one in sizes if 2 * CROSS_VALIDATION_FOLDS * one[0] <= samples]
         looks += [one for one in sizes[-1:] if MIN_FOLDS * one[0] <= samples]
@@ -167,4 +167,4 @@ def _predicted(Z: Array, y: Array, fold: NDArray[np.int_]) -> Array:
     return np.asarray(1.0 - left / np.maximum(np.sum(y**2, axis=0), 1e-300))
 
 
-__all__ = ["ResidualStructure", "dependence", "left"]
+__all__ = ["ResidualStructure", "dependence", "residual_tests"]

@@ -32,22 +32,22 @@ MAX_LOG_GAIN = float(np.log(4.0))
 
 
 @dataclass(frozen=True)
-class Gain:
+class Improvement:
     """What one model explains beyond another: standard errors, the largest share that a channel's squared error beyond
     the noise falls by, and by channel the standard errors and the ratio of root mean squares.
     """
 
-    certainty: float
-    share: float
-    certainties: Array
-    ratios: Array
+    t_ratio: float
+    mse_reduction: float
+    t_ratios: Array
+    rmse_ratios: Array
 
     def worsens(self, worse: float, alike: float) -> bool:
         """Tell whether any channel's error rises beyond doubt, and so that it shows."""
-        return bool(((self.certainties < -worse) & (self.ratios > 1.0 + alike)).any())
+        return bool(((self.t_ratios < -worse) & (self.rmse_ratios > 1.0 + alike)).any())
 
 
-def gain(before: Array, after: Array, noise: Array) -> Gain:
+def improvement(before: Array, after: Array, noise: Array) -> Improvement:
     """Compare two models by their mean squared errors (blocks, channels); ``noise`` (channels) of the sensors.
 
     Certainties are means over blocks of the logarithm by which the error falls, over their standard errors: where a
@@ -62,7 +62,7 @@ def gain(before: Array, after: Array, noise: Array) -> Gain:
     beyond = np.maximum(first - noise**2, 0.01 * first)
     share = float(np.max((first - second) / np.maximum(beyond, 1e-300)))
     each = np.array([_certainty(falls[there[:, c], c]) for c in range(falls.shape[1])])
-    return Gain(_certainty(falls.sum(axis=1)), share, each, np.sqrt(second / np.maximum(first, 1e-300)))
+    return Improvement(_certainty(falls.sum(axis=1)), share, each, np.sqrt(second / np.maximum(first, 1e-300)))
 
 
 def _certainty(falls: Array) -> float:
@@ -99,7 +99,7 @@ def told_change(certainty: float, asked: float, most: str = "") -> str:
     return f"the error on validation data falls by {size}, {asked:g} are asked"
 
 
-def elsewhere(known: Array, unseen: Array, here: Array, there: Array, times: float) -> bool:
+def generalizes_badly(known: Array, unseen: Array, here: Array, there: Array, times: float) -> bool:
     """Tell whether mean squared errors (blocks, channels) of validation data are so many times those of known ones,
     both beside the noise of their sensors, ``there`` and ``here`` (channels): it has a size of its own in every record.
     """
@@ -116,7 +116,7 @@ def of_windows(problem: Problem, squares: Array, noise: Array) -> dict[str, Scor
     return {name: rated(*row) for name, *row in rows}
 
 
-def level(squares: Array, noise: Array) -> float:
+def log_mse(squares: Array, noise: Array) -> float:
     """Return one number for errors (blocks, channels), less being better: the sum of the logarithms over channels."""
     return float(np.sum(np.log(np.nanmean(squares, axis=0) + (0.1 * noise) ** 2)))
 
@@ -202,4 +202,4 @@ def _shown(sensors: tuple[Array, ...], run: Tracker, known: Array, free: Array, 
     return np.asarray(gain * shown + offset)
 
 
-__all__ = ["Gain", "beyond_noise", "elsewhere", "gain", "level", "of_windows", "windowed"]
+__all__ = ["Improvement", "beyond_noise", "generalizes_badly", "improvement", "log_mse", "of_windows", "windowed"]

@@ -48,7 +48,7 @@ class Trial:
             uses = [{f"{self.name}.{self.channel}": use[self.channel]} for use in uses if self.channel in use]
         return uses[-1] if uses else None
 
-    def given(self, problem: Problem, model: Model | None) -> Trial:
+    def starting_from(self, problem: Problem, model: Model | None) -> Trial:
         """Return a trial that starts from the values that a model has of its effect, if it has it."""
         values = self.values(model) if model else None
         if values is None:
@@ -71,7 +71,7 @@ def _trials(problem: Problem, name: str, asked: bool) -> list[Trial]:
     effect, base = find_effect(name, "effect"), problem.base
     if any(use.type == name for use in base.effects.values()) and not effect.periodic:
         return []
-    flat = effect.angular and not effect.periodic and problem.stretch[1] - problem.stretch[0] < ARC
+    flat = effect.angular and not effect.periodic and problem.position_range[1] - problem.position_range[0] < ARC
     if not (asked or (effect.proposed and not flat)):
         return []
     if issubclass(effect, SensorEffect):
