@@ -1,6 +1,6 @@
-"""What every target loses of every effect, run there: python -m benchmarks.export_matrix [-o docs/export.md].
+"""What every target loses of every effect, run there: python -m benchmarks.export_matrix [-o docs/reference/export.md].
 
-The tables stand in docs/export.md between the lines <!-- matrix --> and <!-- end of matrix -->.
+The tables stand in docs/reference/export.md between the lines <!-- matrix --> and <!-- end of matrix -->.
 """
 
 import argparse

@@ -70,8 +70,12 @@ SHORT = {
     "refine": r"training +/|  refitted|  coulomb_friction \+|note: stopped",
 }
 """The lines that the README shows of each command."""
-WITHOUT_ROWS = {"refine": r"MISSING|note: stopped"}
-"""The lines that the page shows of a command whose rows stand above."""
+WITHOUT_ROWS = {
+    "add": r"UNEXPLAINED|coulomb_friction: |mu ",
+    "refine": r"MISSING|note: stopped",
+    "again": r"^Error over|training +/|current  +0|residual  lag|yes    no",
+}
+"""The lines that the page shows of a command whose other rows stand above, or say the same again."""
 
 
 # --------------------------------------------------------------------------- the motor
