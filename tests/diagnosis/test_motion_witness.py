@@ -263,7 +263,7 @@ def test_what_the_force_found_of_a_law_is_a_start_beside_the_others(monkeypatch)
 
     def starts(one: Trial) -> set[float]:
         tried.clear()
-        assert fitting.climbed(estimator.short, of, one) is None
+        assert fitting.multi_start_fit(estimator.short, of, one) is None
         return set(tried)
 
     alone = starts(trial)
