@@ -1,31 +1,44 @@
-"""All nodes of one or several joints in one process, without ROS's launch: ``signlin ros up MODEL``."""
+"""All nodes of one or several joints, each a process of its own, without ROS's launch: ``signlin ros up MODEL``.
+
+One process for all would be one executor and one interpreter's lock for all: while one node computes, the others stand
+still, and a controller that stands still drives on with its last input.
+"""
 
 from __future__ import annotations
 
-import importlib
+import os
+import signal
+import subprocess
+import sys
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-
-from rclpy.logging import get_logger
-from rclpy.node import Node
+from typing import Any
 
 from signlin_ros.errors import InputError, choices, suggest
 from signlin_ros.model import Model, find_model_file
-from signlin_ros.nodes.parameters import given
-from signlin_ros.nodes.runner import run
+from signlin_ros.nodes.start import FOLLOWED
 
 NODES = {
-    "plant_simulator": "sim_nodes.plant_simulator:PlantSimulatorNode",
-    "replay": "sim_nodes.replay:ReplayNode",
-    "linearizer": "signlin_ros.nodes.linearizer:LinearizerNode",
-    "monitor": "signlin_ros.nodes.monitor:MonitorNode",
-    "controller": "signlin_ros.nodes.controller:ControllerNode",
+    "plant_simulator": "sim_nodes.plant_simulator",
+    "replay": "sim_nodes.replay",
+    "linearizer": "signlin_ros.nodes.linearizer",
+    "monitor": "signlin_ros.nodes.monitor",
+    "controller": "signlin_ros.nodes.controller",
 }
 """Where each node stands."""
 OF_ONE_JOINT = ("monitor", "controller")
 """Nodes that take no arm."""
+FIRST_TO_END = "controller"
+"""What ends before the others: its last input is a 0, and somebody has to be there to take it."""
 NO_LIMIT = "no controller: give -p controller.limit=..., the largest |input| that the drive may be given"
+LOOK = 0.05
+"""Seconds between two looks at whether all still run."""
+PATIENCE = 15.0
+"""Seconds that a node has for its end; then it is killed."""
+CODE = "import sys; from signlin_ros.nodes.start import start; sys.exit(start({!r}))"
+"""What runs a node in a process of its own."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +83,16 @@ class StartPlan:
         place = ["-r", f"__ns:=/{namespace.strip('/')}"] if namespace.strip("/") else []
         return ["--ros-args", "--params-file", str(file), *place, *record, *own]
 
+    def commands(self) -> dict[str, list[str]]:
+        """Return the command line of every process by its name, ``/left/controller``."""
+        found = {}
+        for namespace in self.namespaces:
+            place = f"/{namespace.strip('/')}".rstrip("/")
+            for name in self.names():
+                start = [sys.executable, "-c", CODE.format(NODES[name])]
+                found[f"{place}/{name}"] = [*start, *self.arguments(name, namespace)]
+        return found
+
 
 def _parameter(text: str, node: str) -> Iterator[str]:
     key, equals, value = text.partition("=")
@@ -82,31 +105,57 @@ def _parameter(text: str, node: str) -> Iterator[str]:
         yield from ("-p", f"{key}:={value}")
 
 
-def nodes(plan: StartPlan) -> list[Node]:
-    """Make all nodes; raise `InputError` for what the user gave."""
-    found: list[Node] = []
-    try:
-        for namespace in plan.namespaces:
-            for name in plan.names():
-                with given(plan.arguments(name, namespace)):
-                    found.append(_class(name)())
-    except BaseException:
-        for node in found:
-            node.destroy_node()
-        raise
-    return found
+class Together:
+    """Processes that run together: one that ends by itself is the end of all.
+
+    The controllers end first, so that their last input, a 0, is taken; then the others.
+    """
+
+    def __init__(self, commands: dict[str, list[str]]) -> None:
+        self.asked = False
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._ask)
+        env = {**os.environ, FOLLOWED: str(os.getpid())}
+        self.running: dict[str, subprocess.Popen[bytes]] = {}
+        for name, command in commands.items():
+            self.running[name] = subprocess.Popen(command, stdin=subprocess.DEVNULL, env=env)
+
+    def _ask(self, *_: Any) -> None:
+        self.asked = True
+
+    def run(self) -> int:
+        """Wait until a signal, or the end of one; end all, and return the exit code: that of the one that ended."""
+        while not self.asked and all(process.poll() is None for process in self.running.values()):
+            time.sleep(LOOK)
+        ended = {name: p.returncode for name, p in self.running.items() if p.poll() is not None}
+        for name, code in ended.items():
+            if code and not self.asked:
+                sys.stderr.write(f"signlin: {name} has ended with exit code {code}: all nodes end\n")
+        last = [name for name in self.running if not name.endswith(f"/{FIRST_TO_END}")]
+        self._end([name for name in self.running if name not in last])
+        self._end(last)
+        return 0 if self.asked else max((code if code >= 0 else 1 for code in ended.values()), default=0)
+
+    def _end(self, names: Sequence[str]) -> None:
+        for name in names:
+            if self.running[name].poll() is None:
+                self.running[name].send_signal(signal.SIGINT)
+        until = time.monotonic() + PATIENCE
+        while time.monotonic() < until and any(self.running[name].poll() is None for name in names):
+            time.sleep(LOOK)
+        for name in names:
+            if self.running[name].poll() is None:
+                sys.stderr.write(f"signlin: {name} does not end: killed\n")
+                self.running[name].kill()
+                self.running[name].wait()
 
 
-def _class(name: str) -> type[Node]:
-    module, _, kind = NODES[name].partition(":")
-    return getattr(importlib.import_module(module), kind)  # type: ignore[no-any-return]
-
-
-def up(plan: StartPlan, arguments: Sequence[str] = ()) -> int:
-    """Run all nodes until a signal, or the end of the record; return the exit code."""
+def up(plan: StartPlan) -> int:
+    """Run all nodes until a signal, the end of the record, or of a node; return the exit code."""
+    commands = plan.commands()
     if not plan.is_limited and "controller" not in plan.without:
-        get_logger("signlin").warning(NO_LIMIT)
-    return run("signlin", lambda: nodes(plan), ["signlin", *arguments])
+        sys.stderr.write(f"signlin: {NO_LIMIT}\n")
+    return Together(commands).run()
 
 
-__all__ = ["NODES", "StartPlan", "up"]
+__all__ = ["NODES", "StartPlan", "Together", "up"]

@@ -32,7 +32,7 @@ def up(
     without: tuple[str, ...],
     parameters: tuple[str, ...],
 ) -> None:
-    """Start simulator or replay, linearizer, monitor and controller on MODEL in one process, until Ctrl-C."""
+    """Start simulator or replay, linearizer, monitor and controller on MODEL, until Ctrl-C; each is a process."""
     try:
         live = importlib.import_module("sim_nodes.up")
     except ModuleNotFoundError as error:

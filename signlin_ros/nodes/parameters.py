@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextvars import ContextVar
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -21,18 +19,6 @@ from signlin_ros.nodes import overrides
 from signlin_ros.nodes.description import with_description
 from signlin_ros.nodes.overrides import Overridable
 
-_arguments: ContextVar[Sequence[str] | None] = ContextVar("arguments", default=None)
-
-
-@contextlib.contextmanager
-def given(arguments: Sequence[str]) -> Iterator[None]:
-    """Nodes made in here take these arguments (``--ros-args ...``) in place of the process's own."""
-    token = _arguments.set(list(arguments))
-    try:
-        yield
-    finally:
-        _arguments.reset(token)
-
 
 class ModelNode(Node):  # type: ignore[misc]
     """A node whose parameters are a model file, and some options of its own.
@@ -42,9 +28,8 @@ class ModelNode(Node):  # type: ignore[misc]
     """
 
     def __init__(self, name: str, options: Mapping[str, Overridable], follows: bool = False) -> None:
-        own = _arguments.get()
-        super().__init__(name, cli_args=own, use_global_arguments=own is None)
-        arguments = sys.argv if own is None else own
+        super().__init__(name)
+        arguments = sys.argv
         given = {key: parameter.value for key, parameter in self._parameter_overrides.items()}
         overrides.check_none_lost(given, arguments, self.get_fully_qualified_name())
         self.model = overrides.model_of(with_description(self, given), arguments)

@@ -20,6 +20,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from signlin_ros.errors import InputError
 from signlin_ros.nodes.security import check_security
+from signlin_ros.nodes.start import FOLLOWED
 
 RCLError = rclpy_implementation.RCLError
 """What rclpy raises for a parameter file that is not there or cannot be read, and for a bad command line."""
@@ -27,8 +28,6 @@ RCLError = rclpy_implementation.RCLError
 
 END_PATIENCE = 10.0
 """Seconds that taking a node down may last."""
-LONGEST_REST = 4e-3
-"""Seconds for which messages of several nodes in one process gather at most: others have their times to keep."""
 INTERRUPT_TIME = 0.01
 """Time in s after which something is interrupted that could not be at once."""
 
@@ -37,9 +36,10 @@ class _Stop(BaseException):
     """Ends what is long in coming; nothing takes it for an exit that it has asked for itself, or for an error."""
 
 
-def run(name: str, create: Callable[[], Node | list[Node]], arguments: Sequence[str] | None = None) -> int:
-    """Run the node, or the nodes, that ``create`` makes until a signal, or until one has ``finished``; return the exit
-    code.
+def run(name: str, create: Callable[[], Node], arguments: Sequence[str] | None = None) -> int:
+    """Run the node that ``create`` makes until a signal, or until it has ``finished``; return the exit code.
+
+    One node, one executor, one process: what one node does never keeps another one waiting.
 
     0: ended as asked; 2: what the user gave is bad, said in one line. With the handlers of rclpy itself one
     end in ten fails on SIGTERM: the context dies under the running wait. So the signals only set a flag; what is
@@ -52,8 +52,9 @@ def run(name: str, create: Callable[[], Node | list[Node]], arguments: Sequence[
         return 0
 
 
-def _run(name: str, create: Callable[[], Node | list[Node]], arguments: list[str]) -> int:
-    signals, executor, nodes = _Signals(), None, list[Node]()
+def _run(name: str, create: Callable[[], Node], arguments: list[str]) -> int:
+    signals, executor, node = _Signals(), None, None
+    followed = int(os.environ.get(FOLLOWED, "0"))
     try:
         check_security(os.environ)
         rclpy.init(
@@ -61,30 +62,25 @@ def _run(name: str, create: Callable[[], Node | list[Node]], arguments: list[str
             signal_handler_options=SignalHandlerOptions.NO,
         )
         executor = SingleThreadedExecutor()
-        made = create()
-        nodes = made if isinstance(made, list) else [made]
+        node = create()
         signals.started = True
-        for node in nodes:
-            executor.add_node(node)
-        while not signals.stop and not any(getattr(node, "finished", False) for node in nodes):
+        executor.add_node(node)
+        while not signals.stop and not getattr(node, "finished", False) and followed in (0, os.getppid()):
             executor.spin_once(timeout_sec=0.1)
-            _rest(nodes)
+            _rest(node)
         return 0
     except (InputError, RCLError, ParameterException) as error:
         get_logger(name).fatal(" ".join(str(error).split()))
         return 2
     finally:
-        _end(executor, nodes)
+        _end(executor, node)
 
 
-def _rest(nodes: list[Node]) -> None:
+def _rest(node: Node) -> None:
     """Let messages gather where a node has taken all that there were: one waking for several costs much less."""
-    pauses = [getattr(node, "rest", 0.0) for node in nodes]
-    if any(pauses):
-        for node in nodes:
-            node.rest = 0.0
-        shortest = min(pause for pause in pauses if pause)
-        time.sleep(shortest if len(nodes) == 1 else min(shortest, LONGEST_REST))
+    pause, node.rest = getattr(node, "rest", 0.0), 0.0
+    if pause:
+        time.sleep(pause)
 
 
 class _Signals:
@@ -120,14 +116,14 @@ class _Signals:
             sys.__unraisablehook__(what)
 
 
-def _end(executor: SingleThreadedExecutor | None, nodes: list[Node]) -> None:
+def _end(executor: SingleThreadedExecutor | None, node: Node | None) -> None:
     """Take everything down; a second signal must not interrupt this. If it hangs, say where, and end all the same."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
         signal.signal(number, signal.SIG_IGN)
     faulthandler.dump_traceback_later(END_PATIENCE, exit=True, file=2)
     if executor is not None:
         executor.shutdown()
-    for node in nodes:
+    if node is not None:
         node.destroy_node()
     rclpy.try_shutdown()
     faulthandler.cancel_dump_traceback_later()

@@ -9,6 +9,8 @@ import sys
 
 from signlin_ros.errors import MissingExtraError
 
+FOLLOWED = "SIGNLIN_FOLLOWED"
+"""Variable with the process that a node belongs to (``signlin ros up``): where that is gone, the node ends."""
 _ROS = ("rclpy", "rcl_interfaces", "std_msgs", "sensor_msgs", "diagnostic_msgs", "rosgraph_msgs", "std_srvs")
 
 

@@ -1,10 +1,13 @@
-"""All nodes in one process, for several joints."""
+"""All nodes together, each a process of its own, for several joints."""
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
+import time
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -15,7 +18,7 @@ from signlin_ros.errors import InputError
 from sim_nodes.up import StartPlan
 
 
-def test_two_joints_in_one_process(graph: Any) -> None:
+def test_two_joints(graph: Any) -> None:
     command = [sys.executable, "-m", "signlin_ros.cli", "ros", "up", "dc_motor", "--namespace", "left"]
     command += ["--namespace", "right", "--without", "controller", "-p", "plant_simulator.input_signal=sine"]
     with (graph.folder / "up.log").open("wb") as out:
@@ -43,3 +46,84 @@ def test_what_a_plan_says() -> None:
         StartPlan("dc_motor", without=("monitr",)).names()
     with pytest.raises(InputError, match=r"NODE\.NAME=VALUE"):
         StartPlan("dc_motor", parameters=("learn",)).arguments("monitor", "")
+
+
+def test_no_node_shares_a_process_with_another_one() -> None:
+    plan = StartPlan("dc_motor", namespaces=("left", "right"), parameters=("controller.limit=12.0",))
+    nodes = {"plant_simulator", "linearizer", "monitor", "controller"}
+    assert set(plan.commands()) == {f"/{place}/{name}" for place in ("left", "right") for name in nodes}
+    assert all(command[0] == sys.executable for command in plan.commands().values())
+
+
+WAITS = """
+import os, pathlib, signal, sys, time
+name, folder, follows = sys.argv[1], pathlib.Path(sys.argv[2]), os.environ["SIGNLIN_FOLLOWED"]
+def end(*_):
+    (folder / f"{name}.ended").write_text(str(time.monotonic_ns()))
+    sys.exit(0)
+signal.signal(signal.SIGINT, end)
+(folder / f"{name}.begun").write_text(str(os.getpid()))
+while str(os.getppid()) == follows:
+    if name == "linearizer" and (folder / "fail").exists():
+        sys.exit(3)
+    time.sleep(0.02)
+"""
+"""Stands for a node: it ends when it is asked, when its parent is gone, or fails."""
+TOGETHER = """
+import sys
+from sim_nodes.up import Together
+names = ["linearizer", "controller", "plant_simulator"]
+waits, folder = sys.argv[1:]
+sys.exit(Together({f"/{n}": [sys.executable, "-c", waits, n, folder] for n in names}).run())
+"""
+
+
+@pytest.fixture
+def together(tmp_path: Path) -> Any:
+    process = subprocess.Popen([sys.executable, "-c", TOGETHER, WAITS, str(tmp_path)], stderr=subprocess.PIPE)
+    _until(lambda: len(list(tmp_path.glob("*.begun"))) == 3)
+    yield process
+    process.kill()
+    process.communicate()
+
+
+def _until(condition: Any) -> None:
+    end = time.monotonic() + 60.0
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def _alive(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def test_the_controller_ends_first(together: Any, tmp_path: Path) -> None:
+    together.send_signal(signal.SIGINT)
+    assert together.wait(60) == 0
+    ended = {f.stem: int(f.read_text()) for f in tmp_path.glob("*.ended")}
+    assert min(ended, key=lambda name: ended[name]) == "controller"
+    assert len(ended) == 3
+
+
+def test_where_one_ends_by_itself_all_end_and_that_is_said(together: Any, tmp_path: Path) -> None:
+    (tmp_path / "fail").touch()
+    assert together.wait(60) == 3
+    assert b"/linearizer has ended with exit code 3: all nodes end" in together.stderr.read()
+    assert {f.stem for f in tmp_path.glob("*.ended")} == {"controller", "plant_simulator"}
+
+
+def test_nodes_do_not_outlive_what_has_started_them(together: Any, tmp_path: Path) -> None:
+    nodes = [int(f.read_text()) for f in tmp_path.glob("*.begun")]
+    os.kill(together.pid, signal.SIGKILL)
+    _until(lambda: not any(_alive(pid) for pid in nodes))
+
+
+def test_a_node_ends_where_what_it_belongs_to_is_gone(graph: Any) -> None:
+    graph.env["SIGNLIN_FOLLOWED"] = str(2**22 + 1)  # no process has such a number
+    process = graph.start("plant_simulator")
+    graph.wait(lambda: not process.running, "its end")
+    assert process.popen.returncode == 0
