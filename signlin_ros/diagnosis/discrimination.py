@@ -16,14 +16,10 @@ import numpy as np
 from signlin_ros.diagnosis.equation_error.regression import mean_t_ratio
 from signlin_ros.diagnosis.evidence import Evidence
 from signlin_ros.diagnosis.output_error import FittedModel
-from signlin_ros.diagnosis.results import listed
 from signlin_ros.diagnosis.selection import Selection
-from signlin_ros.digits import with_error
 from signlin_ros.effects import EFFECTS
-from signlin_ros.errors import InputError, joined
+from signlin_ros.errors import InputError
 from signlin_ros.model import Model
-from signlin_ros.model.numbers import declared
-from signlin_ros.recording.trace import resolve_unit
 
 BOUND_SHARES = (0.25, 0.5, 1.0)
 """Parts of the smallest size of interest at which a richer law is asked for, the smallest that loses is told."""
@@ -187,45 +183,4 @@ def undecided(evidence: Evidence, rivals: Sequence[RefittedRival], final: Fitted
     return [r for r in open_ones if r.size or not r.effects or not evidence.output_error.refusal(evidence.base, r.best)]
 
 
-def told(evidence: Evidence, rivals: Sequence[RefittedRival], final: FittedModel) -> str:
-    """Return what was made of the rivals, in words; empty where there are none, or nothing is named."""
-    if not rivals or not final.effects:
-        return ""
-    ties = undecided(evidence, rivals, final)
-    parts = []
-    if ties:
-        names = listed(["+".join(r.effects) or "nothing" for r in ties])
-        parts.append(f"Not decided: {names}, refitted from the values of the plan, cannot be told from it")
-    others = [r for r in rivals if r not in ties and r.effects and set(r.effects) != set(final.effects)]
-    lost = [r for r in others if loses(evidence, r.least, final)]
-    if lost:
-        least = min(evidence.output_error.t_ratio(r.least, final) for r in lost)
-        names = listed(["+".join(r.effects) for r in lost])
-        what = f"{'loses' if len(lost) == 1 else 'lose'} by {least:.1f} standard errors" + " or more" * (len(lost) > 1)
-        parts.append(f"Refitted from the values of the plan {names} {what}")
-    bounds = [b for r in lost if _holds(r, final) and (b := _bound(evidence, r, final))]
-    parts += [f"Excluded is {joined(bounds)}"] if bounds else []
-    return " ".join(f"{part}." for part in parts)
-
-
-def _holds(r: RefittedRival, final: FittedModel) -> bool:
-    """Tell whether a rival is a law of the same family that has a size, and is richer than what is named."""
-    families = [EFFECTS[e[0]].family if len(e) == 1 else "" for e in (r.effects, final.effects)]
-    return bool(r.size and families[0]) and families[0] == families[1] and r.best.n_parameters > final.n_parameters
-
-
-def _bound(evidence: Evidence, r: RefittedRival, final: FittedModel) -> str:
-    """Return the smallest size of what a lost rival adds that is excluded, in words; empty where none is."""
-    smallest = ""
-    for share in reversed(BOUND_SHARES):
-        value, f = r.at(share)
-        if f is None or not loses(evidence, f, final):
-            break
-        key, _, name = r.size.rpartition(".")
-        unit = evidence.dataset.training.shown(resolve_unit(declared(f.model)[r.size].unit, f.model.plant, False))
-        size = f"{with_error(value, 0.2 * value)[0]} {unit}".rstrip()
-        smallest = f"{listed([key])} with {name} of {size} or {'less' if r.stiff else 'more'}"
-    return smallest
-
-
-__all__ = ["PlannedRival", "RefittedRival", "discriminated", "loses", "refitted", "told", "undecided"]
+__all__ = ["BOUND_SHARES", "PlannedRival", "RefittedRival", "discriminated", "loses", "refitted", "undecided"]

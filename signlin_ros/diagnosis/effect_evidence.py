@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from signlin_ros.comparison.bands import MIN_BIN_SAMPLES, Band, band, memory
 from signlin_ros.comparison.waves import FULL_TURN, Spectrum, Wave, folded, spectrum, waves_of
 from signlin_ros.diagnosis.evidence import Evidence, changes_effort
-from signlin_ros.diagnosis.messages import own_parameters
 from signlin_ros.diagnosis.output_error import FittedModel
 from signlin_ros.diagnosis.results import ParameterEstimate
+from signlin_ros.diagnosis.wording.verdicts import own_parameters
 from signlin_ros.effects import find_effect
 from signlin_ros.recording.trace import resolve_unit
 

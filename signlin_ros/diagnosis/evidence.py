@@ -21,6 +21,7 @@ from signlin_ros.diagnosis.output_error import FitCache, FittedModel, OutputErro
 from signlin_ros.diagnosis.output_error.score import of_windows
 from signlin_ros.diagnosis.progress import Progress
 from signlin_ros.diagnosis.results import FirstRows, LadderRow, Scores
+from signlin_ros.diagnosis.wording import phrases
 from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.effects.base import Effect, SensorEffect
 from signlin_ros.threads import one_thread
@@ -34,7 +35,7 @@ HALF = 0.5
 
 def equation_error_of(c: Dataset, criteria: Criteria, progress: Progress) -> EquationErrorResult | None:
     """Return the equation-error estimate; None where what the model's forces depend on is not recorded."""
-    progress.say("missing force")
+    progress.say(phrases.FORCE_RESIDUAL)
     if not tells_force(c.model, recorded(c.model, [*c.training.parts, *c.validation.parts])):
         return None
     found = estimate_equation_error(c.training, c.validation, criteria)
@@ -327,7 +328,7 @@ def evidence_of(
     motion = estimator_of(c.training, c.validation, criteria, cache, progress, jobs)
     force = equation_error_of(c.knowing(motion.own_values), criteria, progress)
     if asks_hold(c):
-        progress.say("how the input acts")
+        progress.say(phrases.INPUT_HOLD)
         found = with_hold(c, motion, force, criteria)
         if found is not None:
             c, motion = found

@@ -23,7 +23,7 @@ from signlin_ros.diagnosis.equation_error.estimate import EquationErrorResult
 from signlin_ros.diagnosis.output_error import OutputErrorEstimator
 from signlin_ros.diagnosis.output_error.fitting import LAST_STEPS
 from signlin_ros.diagnosis.output_error.score import improvement, log_mse, windowed
-from signlin_ros.diagnosis.results import listed
+from signlin_ros.diagnosis.wording import phrases
 from signlin_ros.errors import InputError, SimulationError
 from signlin_ros.fitting.fit import fit
 from signlin_ros.model import LINEAR, Model
@@ -41,11 +41,6 @@ AT_NOISE_RATIO = 1.1
 """Times the noise of every channel up to which nothing is to be gained."""
 BETTER = 0.9
 """What another hold leaves in some channel, as a part of what held inputs leave (RMS), at most."""
-HOLD_WORDS = {
-    FIRST: "as if sampled from what goes on in between",
-    LINEAR: "as if interpolated between its samples",
-    "backward": "as if logged beside the state that it led to",
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,10 +190,8 @@ def _said(c: Dataset, held: HoldTrial, taken: HoldTrial) -> str:
     k = int(np.argmin(b / a))
     channel = c.training.channels[k]
     unit = c.training.shown(c.training.units.get(channel, c.model.units.get(channel, "")))
-    how = HOLD_WORDS[str(taken.hold)]
-    what = f"with {listed(names)}" if names else "of the refitted model"
-    figures = f"error of {channel} over {c.horizon:.3g} s {a[k]:.3g} -> {b[k]:.3g} {unit}"
-    return f"the input acts {how} (input_hold: {taken.hold}): {figures} {what}, on the data fitted to"
+    figures = phrases.error_changes(channel, c.horizon, a[k], b[k], unit)
+    return phrases.input_acts(taken.hold, figures, names)
 
 
 __all__ = ["asks_hold", "at_noise", "with_hold"]

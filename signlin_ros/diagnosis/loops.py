@@ -12,7 +12,6 @@ from signlin_ros.comparison.force_segment import ForceSegment, missing_force
 from signlin_ros.diagnosis.equation_error.flexible import Columns
 from signlin_ros.diagnosis.output_error import FittedModel
 from signlin_ros.diagnosis.results import listed
-from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.model import Model
 
 
@@ -26,14 +25,4 @@ def forces_of(f: FittedModel, names: Collection[str]) -> dict[str, Columns]:
     return {f"loop of {listed([n])}": partial(force, without=f.model.without_effect(k)) for k, n in keys.items()}
 
 
-def family_of(effect: str, changing: str) -> str:
-    """Return in words the laws a loop may follow, and whether its force is ``changing`` along the records."""
-    family = find_effect(effect, "effects").family
-    names = [n for n, other in EFFECTS.items() if other.family == family and other.states]
-    laws = f" ({', '.join(listed([n]) for n in names)} are laws of it)"
-    if changing.startswith("loop"):
-        return f"{laws} whose force changes slowly along the record, as that of what degrades"
-    return f"{laws}, and which loop it is cannot be told"
-
-
-__all__ = ["family_of", "forces_of"]
+__all__ = ["forces_of"]

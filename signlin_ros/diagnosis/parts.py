@@ -10,7 +10,9 @@ from signlin_ros.diagnosis.evidence import HALF, Evidence
 from signlin_ros.diagnosis.output_error import FittedModel
 from signlin_ros.diagnosis.selection import Selection
 from signlin_ros.diagnosis.validation import force_percent, freed
-from signlin_ros.diagnosis.verdict import REASONS, Verdict, verdict_of
+from signlin_ros.diagnosis.verdict import Verdict, verdict_of
+from signlin_ros.diagnosis.wording import phrases
+from signlin_ros.diagnosis.wording.reasons import REASONS
 from signlin_ros.errors import joined
 
 REMAINDER_REASONS = ("structure", "elsewhere")
@@ -54,12 +56,11 @@ def _weakest(evidence: Evidence, verdict: Verdict) -> tuple[str, str] | None:
     for name in verdict.names:
         size = verdict.final.t_ratio(name)
         if len(verdict.names) > 1 and _takes_nothing(evidence, verdict, verdict.without[name], bool(verdict.reason)):
-            found[name] = size, "beside the others it takes away less than shows of what is missing"
+            found[name] = size, phrases.TAKES_NOTHING
         elif more and name == least and (bent := _bent(evidence, verdict, name)):
-            found[name] = size, f"only with {bent} that far from nominal it would take something away"
+            found[name] = size, phrases.bent(bent)
         elif more and size < _asked(evidence, verdict, name):
-            told = f"{size:.1f} of its own standard errors from nothing, and more than noise is left"
-            found[name] = size, f"{name} is {told}"
+            found[name] = size, phrases.insignificant_beside_rest(name, size)
     name = min(found, key=lambda n: found[n][0], default="")
     return (name, found[name][1]) if name else None
 

@@ -33,6 +33,7 @@ from signlin_ros.diagnosis.output_error import FittedModel, OutputErrorEstimator
 from signlin_ros.diagnosis.output_error.trials import completed, free_key
 from signlin_ros.diagnosis.results import listed
 from signlin_ros.diagnosis.single_laws import explains_to_noise, fit_every_law, fit_families, needs_no_search
+from signlin_ros.diagnosis.wording import phrases
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import SignlinError
 
@@ -164,8 +165,7 @@ def _resolved(evidence: Evidence, first: Sequence[FittedModel], second: FittedMo
         if force is not None and force.effects and _contradicts_force(evidence, force, second):
             return base, _both(evidence, force, second)
         if second.effects and evidence.force_rises(base, second):
-            told = f"would follow the motion, but {_leaves(second)} more force than the model as it is"
-            return base, f"{listed(second.effects)} {told}"
+            return base, phrases.more_force_than_base(second.effects)
         return second, ""
     now = first[0]
     for other in (*first[1:], second):
@@ -173,13 +173,8 @@ def _resolved(evidence: Evidence, first: Sequence[FittedModel], second: FittedMo
             now = other
     g = evidence.output_error.improvement(now, second)
     if now is not second and g.t_ratio >= evidence.criteria.min_t and g.mse_reduction >= HALF and second.effects:
-        told = f"would follow the motion better than {{}}, but {_leaves(second)} more force"
-        return now, f"{listed(second.effects)} {told}"
+        return now, phrases.more_force(second.effects)
     return now, ""
-
-
-def _leaves(f: FittedModel) -> str:
-    return "leaves" if len(f.effects) == 1 else "leave"
 
 
 def _contradicts_force(evidence: Evidence, force: EquationErrorResult, second: FittedModel) -> bool:
@@ -200,12 +195,7 @@ def _both(evidence: Evidence, force: EquationErrorResult, second: FittedModel) -
         evidence.percent_of_effort(force.fit.validation_mse),
         evidence.percent_of_effort(evidence.force_mse(evidence.base)),
     )
-    before = "" if shown is None else f" in place of {shown:.3g} %"
-    told = (
-        f"by the force {listed(force.effects)} would leave {after:.3g} % {evidence.of_effort}{before}, but the motion"
-    )
-    other = f"; {listed(second.effects)} would follow it better" if second.effects else ""
-    return f"{told} that they make is not the one that was measured{other}"
+    return phrases.motion_refuses(force.effects, after, shown, evidence.of_effort, second.effects)
 
 
 def _surpasses(evidence: Evidence, now: FittedModel, other: FittedModel) -> bool:

@@ -1,4 +1,4 @@
-"""The report of a verdict: the `Diagnosis` with its ranking, ladder, parameters and messages."""
+"""The report of a verdict: the `Diagnosis` with its ranking, ladder, parameters and verdicts."""
 
 from __future__ import annotations
 
@@ -7,18 +7,20 @@ from collections.abc import Sequence
 from dataclasses import replace
 from operator import attrgetter
 
-from signlin_ros.diagnosis import closed_loop, messages
-from signlin_ros.diagnosis.discrimination import told, undecided
+from signlin_ros.diagnosis.discrimination import undecided
 from signlin_ros.diagnosis.evidence import WHOLE_EFFORT, Evidence
 from signlin_ros.diagnosis.findings import findings_of
 from signlin_ros.diagnosis.output_error import FittedModel
 from signlin_ros.diagnosis.output_error.fitted import held
 from signlin_ros.diagnosis.proposal import rounded, yaml_of
-from signlin_ros.diagnosis.results import Diagnosis, ParameterEstimate, RankingEntry, listed
+from signlin_ros.diagnosis.results import Diagnosis, ParameterEstimate, RankingEntry
 from signlin_ros.diagnosis.rivals import rivals
 from signlin_ros.diagnosis.single_laws import explains_to_noise
 from signlin_ros.diagnosis.validation import force_left, force_percent
-from signlin_ros.diagnosis.verdict import REASONS, Verdict
+from signlin_ros.diagnosis.verdict import Verdict
+from signlin_ros.diagnosis.wording import closed_loops, phrases, verdicts
+from signlin_ros.diagnosis.wording.reasons import REASONS
+from signlin_ros.diagnosis.wording.rivals import told as rivals_told
 from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.errors import InputError
 
@@ -37,7 +39,8 @@ def summary_of(evidence: Evidence, verdict: Verdict) -> Diagnosis:
         verdict=verdict.label,
         sentence=" ".join(
             filter(
-                None, (messages.sentence(evidence, verdict), told(evidence, verdict.selection.rivals, verdict.final))
+                None,
+                (verdicts.sentence(evidence, verdict), rivals_told(evidence, verdict.selection.rivals, verdict.final)),
             )
         ),
         base=base,
@@ -51,8 +54,8 @@ def summary_of(evidence: Evidence, verdict: Verdict) -> Diagnosis:
         notes=(
             *dataset.training.notes,
             *dataset.validation.notes,
-            *messages.remarks(evidence, verdict),
-            *closed_loop.remarks(evidence, verdict),
+            *verdicts.remarks(evidence, verdict),
+            *closed_loops.remarks(evidence, verdict),
         ),
         yaml=yaml_of(model, parameters, findings),
         given=evidence.first_rows().given,
@@ -89,7 +92,7 @@ def _ranking(evidence: Evidence, verdict: Verdict) -> tuple[RankingEntry, ...]:
         elif name in evidence.output_error.candidates and not verdict.selection.asked:
             untried.append(RankingEntry(name, "rejected", why=_not_fitted(evidence, verdict, name)))
         elif not _applies(evidence, name):
-            absent.append(RankingEntry(name, "not_applicable", why=f"does not apply to {evidence.dataset.plant.name}"))
+            absent.append(RankingEntry(name, "not_applicable", why=phrases.not_applicable(evidence.dataset.plant.name)))
     others = [_beside(e, tied[e.effect]) if e.effect in tied else e for e in others]
     levels = dict.fromkeys(tied, 0.0) | {name: f.log_mse for name, f in single.items()}
     others.sort(key=lambda e: (e.status != "ambiguous", levels.get(e.effect, math.inf)))
@@ -105,11 +108,10 @@ def _fitted_alone(evidence: Evidence) -> dict[str, FittedModel]:
 def _not_fitted(evidence: Evidence, verdict: Verdict, name: str) -> str:
     """Return why an effect that no force shows was not fitted to the end."""
     if name in evidence.cache.searched.get((), ()):
-        return "after the first steps of a fit it takes away too little of the error to go on with"
+        return phrases.TOO_LITTLE_AT_FIRST
     if explains_to_noise(evidence, verdict.final):
-        what, verb = listed(verdict.names) or "the model as it is", "leave" if len(verdict.names) > 1 else "leaves"
-        return f"not fitted: {what} {verb} nothing but noise"
-    return "not fitted: no step of the search led to it"
+        return phrases.not_fitted(verdict.names)
+    return phrases.LED_NOWHERE
 
 
 def _applies(evidence: Evidence, name: str) -> bool:
@@ -148,7 +150,7 @@ def _named(evidence: Evidence, verdict: Verdict, effect: str, ties: tuple[str, .
     status = "ambiguous" if once or any(not _richer(t, effect) for t in ties) else "confirmed"
     if verdict.refused or (verdict.reason and REASONS[verdict.reason].rejects):
         status = "rejected"
-    own, why = messages.own_parameters(verdict.final, effect), messages.why_named(evidence, verdict, effect)
+    own, why = verdicts.own_parameters(verdict.final, effect), verdicts.why_named(evidence, verdict, effect)
     return RankingEntry(effect, status, own, evidence.row(verdict.final, None).validation, ties, why)
 
 
@@ -161,8 +163,8 @@ def _richer(a: str, b: str) -> bool:
 def _other(evidence: Evidence, verdict: Verdict, name: str, f: FittedModel) -> RankingEntry:
     """Return the entry of an effect that was fitted out by itself."""
     beyond = find_effect(name, "effects").only_beyond and evidence.output_error.refusal(verdict.base, f)
-    status, own = "not_excited" if beyond else "rejected", messages.own_parameters(f, name)
-    return RankingEntry(name, status, own, evidence.row(f, None).validation, why=messages.why_not(evidence, verdict, f))
+    status, own = "not_excited" if beyond else "rejected", verdicts.own_parameters(f, name)
+    return RankingEntry(name, status, own, evidence.row(f, None).validation, why=verdicts.why_not(evidence, verdict, f))
 
 
 def _by_force(evidence: Evidence, verdict: Verdict, name: str) -> RankingEntry:
@@ -173,9 +175,7 @@ def _by_force(evidence: Evidence, verdict: Verdict, name: str) -> RankingEntry:
         force_percent(evidence, verdict.base, verdict.final) or force.percent(force.base),
         force.percent(evidence.laws[name]),
     )
-    left = f"{b:.3g} %" if b <= WHOLE_EFFORT else "more than all"
-    rest = f"{evidence.of_effort} on validation data, the model without it {a:.3g} %"
-    why = f"by the force it would leave {left} {rest}"
+    why = phrases.by_force(b, a, evidence.of_effort, WHOLE_EFFORT)
     unseen = find_effect(name, "effects").only_beyond and b > (1.0 - evidence.criteria.visible_change) * a
     return (
         RankingEntry(name, "not_excited", why=f"{why}{_beyond(evidence)}")
@@ -186,9 +186,9 @@ def _by_force(evidence: Evidence, verdict: Verdict, name: str) -> RankingEntry:
 
 def _beside(e: RankingEntry, tied: str) -> RankingEntry:
     """Return the entry of what is as good as an effect that is named."""
-    why, richer = f"as good on validation data as {listed([tied])}", _richer(e.effect, tied)
-    status, why = ("rejected", f"{why}, which is the simpler law") if richer else ("ambiguous", why)
-    return replace(e, status=status, indistinguishable_from=(tied,), why=why)
+    richer = _richer(e.effect, tied)
+    why = phrases.as_good(tied, richer)
+    return replace(e, status="rejected" if richer else "ambiguous", indistinguishable_from=(tied,), why=why)
 
 
 def _beyond(evidence: Evidence) -> str:
@@ -198,16 +198,16 @@ def _beyond(evidence: Evidence) -> str:
         return ""
     unit = problem.shown(problem.units.get(plant.position, plant.position_unit))
     low, high = problem.ranges[plant.position]
-    return f"; the records move from {low:.3g} to {high:.3g} {unit}: it may act beyond"
+    return phrases.may_act_beyond(low, high, unit)
 
 
 def _experiments(evidence: Evidence, verdict: Verdict, ranking: Sequence[RankingEntry]) -> tuple[str, ...]:
     """Return the experiments that would decide between ties, and show the effects that this record cannot."""
-    asked = {tie: "to decide on" for e in ranking if e.effect in verdict.names for tie in e.indistinguishable_from}
-    asked |= {e.effect: "to see" for e in ranking if e.status == "not_excited" and e.effect not in asked}
+    asked = {tie: True for e in ranking if e.effect in verdict.names for tie in e.indistinguishable_from}
+    asked |= {e.effect: False for e in ranking if e.status == "not_excited" and e.effect not in asked}
     what = {n: find_effect(n, "effects").experiment for n in asked}
-    found = tuple(f"{why} {listed([n])}: {what[n]}" for n, why in asked.items() if what[n])
-    return (*found, *closed_loop.experiments(evidence))
+    found = tuple(phrases.experiment(tie, n, what[n]) for n, tie in asked.items() if what[n])
+    return (*found, *closed_loops.experiments(evidence))
 
 
 __all__ = ["summary_of"]

@@ -18,6 +18,7 @@ from signlin_ros.diagnosis.evidence import HALF, Evidence
 from signlin_ros.diagnosis.loops import forces_of
 from signlin_ros.diagnosis.output_error import FittedModel, OutputErrorEstimator
 from signlin_ros.diagnosis.output_error.score import generalizes_badly, improvement, of_windows
+from signlin_ros.diagnosis.wording import phrases
 from signlin_ros.effects import find_effect
 from signlin_ros.errors import InputError
 from signlin_ros.fitting.prepare import reversed_signal
@@ -348,7 +349,7 @@ def freed(before: FittedModel, after: FittedModel) -> str:
     most = max(first, key=lambda n: abs(first[n]) - abs(last.get(n, 0.0)), default="")
     if not most or abs(first[most]) <= abs(last.get(most, 0.0)) + 1.0:
         return ""
-    return f", but without it {most} ends {abs(first[most]):.1f} tolerances from its nominal value"
+    return phrases.freed(most, first[most])
 
 
 __all__ = ["ValidationTests", "force_left", "force_percent", "freed"]

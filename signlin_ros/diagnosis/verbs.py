@@ -18,6 +18,7 @@ from signlin_ros.diagnosis.results import Diagnosis, listed
 from signlin_ros.diagnosis.selection import Selection, select_model
 from signlin_ros.diagnosis.summary import summary_of
 from signlin_ros.diagnosis.verdict import verdict_of
+from signlin_ros.diagnosis.wording import phrases
 from signlin_ros.model import Model
 from signlin_ros.threads import one_thread
 
@@ -46,12 +47,12 @@ def diagnose(
     dataset, cache, watched = dataset_of(model, data, validation), FitCache(), Progress.of(progress)
     evidence = evidence_of(dataset, criteria, cache, watched, jobs)
     watched.say(
-        "motion with what the force shows" if evidence.equation_error and evidence.equation_error.effects else "motion"
+        phrases.MOTION_WITH_FORCE if evidence.equation_error and evidence.equation_error.effects else phrases.MOTION
     )
     evidence = evidence.grounded()
     selection = select_model(evidence)
     if rivals:
-        watched.say("rivals of the plan")
+        watched.say(phrases.PLANNED_RIVALS)
         selection = discriminated(evidence, selection, refitted(evidence, rivals))
     verdict = without_untold(evidence, verdict_of(evidence, selection))
     return summary_of(evidence, without_idle(evidence, verdict))
@@ -68,10 +69,7 @@ def refine(
     """Name up to `MAX_REFINE_EFFECTS` effects together; the last of the notes says why it stopped. See `diagnose`."""
     found = diagnose(model, data, validation, criteria=replace(criteria, max_effects=MAX_REFINE_EFFECTS), **options)
     added = len(found.ladder[-1].effects)
-    end = "nothing else that is listed lowers the error on validation data beyond doubt"
-    end = f"{MAX_REFINE_EFFECTS} effects are the most" if added >= MAX_REFINE_EFFECTS else end
-    end = "the records are not explained, see the verdict" if found.verdict == "unexplained" else end
-    note = f"stopped after {added} effect{'' if added == 1 else 's'}: {end}"
+    note = phrases.stopped(added, MAX_REFINE_EFFECTS, found.verdict != "unexplained")
     return replace(found, notes=(*found.notes, note))
 
 
@@ -90,7 +88,7 @@ def add(
     dataset, cache, watched = dataset_of(model, data, validation), FitCache(), Progress.of(progress)
     trials(dataset.training, [effect])  # raises what is told above, before anything is fitted
     evidence = evidence_of(dataset, criteria, cache, watched, jobs)
-    watched.say(f"motion with {listed([effect])}")
+    watched.say(f"{phrases.MOTION} with {listed([effect])}")
     evidence = evidence.grounded()
     alone, force = evidence.laws.get(effect), evidence.equation_error
     final = evidence.output_error.fitted([effect], force.with_laws(alone) if force and alone else None)

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from signlin_ros.console.comparison import _named
-from signlin_ros.diagnosis import messages, selection, single_laws, summary
+from signlin_ros.diagnosis import selection, single_laws, summary
 from signlin_ros.diagnosis import validation as tests_module
 from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA
 from signlin_ros.diagnosis.dataset import Dataset
@@ -24,11 +24,13 @@ from signlin_ros.diagnosis.equation_error.flexible import Curve
 from signlin_ros.diagnosis.evidence import Evidence
 from signlin_ros.diagnosis.family import FamilyChoice
 from signlin_ros.diagnosis.output_error import FitCache, FittedModel, OutputErrorEstimator
-from signlin_ros.diagnosis.output_error.score import generalizes_badly, improvement, told_change
+from signlin_ros.diagnosis.output_error.score import generalizes_badly, improvement
 from signlin_ros.diagnosis.parts import without_untold
 from signlin_ros.diagnosis.selection import Selection, select_model
 from signlin_ros.diagnosis.validation import ValidationTests, force_percent
-from signlin_ros.diagnosis.verdict import REASONS, Verdict, reason_of, verdict_of
+from signlin_ros.diagnosis.verdict import Verdict, reason_of, verdict_of
+from signlin_ros.diagnosis.wording import phrases, verdicts
+from signlin_ros.diagnosis.wording.reasons import REASONS
 from signlin_ros.effects import EFFECTS
 
 BLOCKS, NOISE, EFFORT, SPREAD = 40, 0.1, 10.0, 9.0
@@ -354,7 +356,7 @@ class Judged:
 
     @property
     def sentence(self) -> str:
-        return messages.sentence(self.evidence, self.values)
+        return verdicts.sentence(self.evidence, self.values)
 
 
 def judged(final: Fit, base: Fit = BASE, force: Any = None, conflict: str = "", given: Fit | None = None) -> Judged:
@@ -431,7 +433,7 @@ def test_how_far_above_the_noise_is_told_as_far_as_it_tells(percent, times):
     seen = SimpleNamespace(force_noise_percent=10.0, of_effort="of the effort", criteria=DEFAULT_CRITERIA)
     curve = SimpleNamespace(visible=False, percent=25.0, along="")
     j = SimpleNamespace(percent=percent, names=(), final=None, flexible=curve, changing="")
-    assert messages.remainder(seen, j).endswith(f"of the effort, {times} times what the sensors' noise makes of it.")
+    assert verdicts.remainder(seen, j).endswith(f"of the effort, {times} times what the sensors' noise makes of it.")
 
 
 def test_near_the_sensors_noise_what_is_left_must_be_noise():
@@ -506,15 +508,15 @@ def test_every_reason_has_its_row():
 
 @pytest.mark.parametrize("why", REASONS)
 def test_every_reason_is_told(why, monkeypatch):
-    monkeypatch.setattr(messages, "further", lambda case: "there it is faster.")
-    monkeypatch.setattr(messages, "why_named", lambda w, v, effect: "")
-    monkeypatch.setattr(messages, "own_parameters", lambda f, effect: {})
+    monkeypatch.setattr(verdicts, "further", lambda case: "there it is faster.")
+    monkeypatch.setattr(verdicts, "why_named", lambda w, v, effect: "")
+    monkeypatch.setattr(verdicts, "own_parameters", lambda f, effect: {})
     monkeypatch.setattr(Evidence, "row", lambda w, f, left: SimpleNamespace(validation=None))
     j = judged(COULOMB, force=sees(), conflict="they differ")
     found = {"reason": why, "worse": "speed", "beside_given": 1.23, "lost": ("speed",), "label": "unexplained"}
     found["loop"] = "coulomb_friction" if why == "loop" else ""
     v = replace(j.values, **found, reversed="speed" if why == "reversed" else "")
-    assert SAID[why] in messages.sentence(j.evidence, v)
+    assert SAID[why] in verdicts.sentence(j.evidence, v)
     assert summary._named(j.evidence, v, "coulomb_friction", ()).status == {"loop": "ambiguous"}.get(
         why, "rejected" if REASONS[why].rejects else "confirmed"
     )
@@ -607,8 +609,8 @@ def test_a_large_force_is_noise_only_if_that_was_tested(tested, verdict):
 def test_a_name_that_frees_a_base_parameter_alone_says_which():
     base = Fit((), (NOISE,), 0.005, white=True, away={"k": 4.6})
     final = Fit(("linear_stiffness",), (NOISE,), 0.005, white=True, away={"k": 0.2})
-    assert messages.freed(base, final) == ", but without it k ends 4.6 tolerances from its nominal value"
-    assert messages.freed(base, base) == ""
+    assert verdicts.freed(base, final) == ", but without it k ends 4.6 tolerances from its nominal value"
+    assert verdicts.freed(base, base) == ""
 
 
 def test_noise_has_a_size_of_its_own_in_every_record():
@@ -701,9 +703,9 @@ def test_a_sentence_names_what_falls_and_by_how_much():
 
 def test_by_how_much_an_error_rises_or_falls_and_what_is_asked():
     """ "Rejected: falls by 2.6 standard errors" read like praise, "falls by -14.1" like nothing."""
-    assert told_change(2.6, 3.5) == "the error on validation data falls by 2.6 standard errors, 3.5 are asked"
-    assert told_change(-0.01, 3.5).startswith("the error on validation data falls by")
-    assert told_change(-14.1, 3.5) == "the error on validation data rises by 14.1 standard errors"
+    assert phrases.change(2.6, 3.5) == "the error on validation data falls by 2.6 standard errors, 3.5 are asked"
+    assert phrases.change(-0.01, 3.5).startswith("the error on validation data falls by")
+    assert phrases.change(-14.1, 3.5) == "the error on validation data rises by 14.1 standard errors"
 
 
 @pytest.mark.parametrize(("verdict", "told"), [("unexplained", "explains a part"), ("missing", "confirmed")])
@@ -737,9 +739,9 @@ def test_what_is_left_is_told_where_the_noise_of_the_force_is_not_known():
     )
     curve = SimpleNamespace(visible=False, percent=25.0, along="")
     j = SimpleNamespace(percent=25.3, names=(), final=None, flexible=curve, changing="")
-    assert messages.remainder(seen, j) == " What is left is 25.3 % of the effort."
+    assert verdicts.remainder(seen, j) == " What is left is 25.3 % of the effort."
     seen.force_noise_percent = 10.0
-    assert messages.remainder(seen, j).endswith("of the effort, 2.53 times what the sensors' noise makes of it.")
+    assert verdicts.remainder(seen, j).endswith("of the effort, 2.53 times what the sensors' noise makes of it.")
 
 
 @pytest.mark.parametrize(
@@ -774,7 +776,7 @@ def test_why_more_than_the_sensors_noise_counts_as_noise(clean, curve, told):
     }
     j = SimpleNamespace(percent=2.93, final=final, flexible=SimpleNamespace(percent=curve), **shown)
     errs = "Over 0.2 s, speed errs by 4.6 times its sensor's noise."
-    assert messages.sentence(seen, j).endswith(f"is 2.93 % of the effort, the sensors' noise 0.796 %{told}. {errs}")
+    assert verdicts.sentence(seen, j).endswith(f"is 2.93 % of the effort, the sensors' noise 0.796 %{told}. {errs}")
 
 
 @pytest.mark.parametrize(("size", "differs"), [(2.0, True), (1.6, True), (1.3, False)])
@@ -786,7 +788,7 @@ def test_unseen_data_that_reach_further_are_told(size, differs):
         for a in (1.0, size)
     )
     problems = [SimpleNamespace(parts=(part,), units={"displacement": "m"}, shown=str) for part in (known, unseen)]
-    text = messages.further(SimpleNamespace(training=problems[0], validation=problems[1]))
+    text = verdicts.further(SimpleNamespace(training=problems[0], validation=problems[1]))
     assert bool(text) is differs
     if differs:
         assert text.startswith("there displacement goes from -0.01")

@@ -10,7 +10,8 @@ import pytest
 
 from signlin_ros import cli
 from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA
-from signlin_ros.diagnosis.discrimination import PlannedRival, RefittedRival, told, undecided
+from signlin_ros.diagnosis.discrimination import PlannedRival, RefittedRival, undecided
+from signlin_ros.diagnosis.wording.rivals import told
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model
 

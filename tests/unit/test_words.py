@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import ast
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
 from signlin_ros.diagnosis.evidence import Evidence
 from signlin_ros.diagnosis.findings import nearest
-from signlin_ros.diagnosis.messages import shown
 from signlin_ros.diagnosis.output_error import FitCache
 from signlin_ros.diagnosis.proposal import _origin
 from signlin_ros.diagnosis.results import ParameterEstimate
+from signlin_ros.diagnosis.wording.verdicts import shown
 from signlin_ros.model import Model
 from signlin_ros.model.numbers import numbers
 
+DIAGNOSIS = Path(__file__).parents[2] / "signlin_ros" / "diagnosis"
 AXIS = Model.from_dict(
     {
         "plant": "mass_spring_damper",
@@ -98,3 +101,22 @@ def test_the_nearest_is_the_best_single_effect_that_was_fitted_out(tried, best):
     fits = [SimpleNamespace(effects=effects, log_mse=level) for effects, level in tried.items()]
     found = nearest(Evidence(None, SimpleNamespace(cache=FitCache(weighed=fits)), None))
     assert (found and found.effects[0]) == best
+
+
+# ---------------------------------------------------------------- where sentences are
+
+
+def sentences(path: Path) -> list[str]:
+    """Return the texts of a module of five words and more, but for docstrings and what is raised."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    raised = {id(n) for r in ast.walk(tree) if isinstance(r, ast.Raise) for n in ast.walk(r)}
+    told = {id(n.value) for n in ast.walk(tree) if isinstance(n, ast.Expr)}
+    texts = [n for n in ast.walk(tree) if isinstance(n, ast.Constant) and isinstance(n.value, str)]
+    return [n.value for n in texts if id(n) not in raised | told and len(n.value.split()) > 4]
+
+
+def test_every_sentence_of_a_diagnosis_is_in_one_package():
+    found = {p.name: sentences(p) for p in DIAGNOSIS.rglob("*.py") if p.parent.name != "wording"}
+    others = {"comparison.py", "proposal.py", "estimator.py", "trials.py"}  # `compare`; comments of a file; errors
+    assert {n: texts for n, texts in found.items() if texts and n not in others} == {}
+    assert sum(len(sentences(p)) for p in DIAGNOSIS.rglob("wording/*.py")) > 40

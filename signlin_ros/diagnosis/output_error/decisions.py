@@ -18,8 +18,8 @@ from signlin_ros.diagnosis.output_error.score import (
     beyond_noise,
     generalizes_badly,
     improvement,
-    told_change,
 )
+from signlin_ros.diagnosis.wording import phrases
 from signlin_ros.effects import EFFECTS
 from signlin_ros.fitting.problem import Problem
 
@@ -78,9 +78,9 @@ class Decisions:
         rises = float(np.mean(np.log(g.rmse_ratios))) > c.visible_change
         freed = 0.0 if further or rises else max(before.prior_distance - after.prior_distance, 0.0)
         if certainty * abs(certainty) + freed < c.min_t**2:
-            return told_change(certainty, c.min_t)
+            return phrases.change(certainty, c.min_t)
         if g.worsens(c.max_rise_t, c.visible_change) and not self.settles(before, after):
-            return "the error of a channel rises"
+            return phrases.A_CHANNEL_RISES
         return after.insignificant(c) or self._not_identifiable(after)
 
     def settles(self, before: FittedModel, after: FittedModel) -> bool:
@@ -101,13 +101,13 @@ class Decisions:
         """
         for key, use in f.added.items():
             if not EFFECTS[use.type].is_met(use.parameters, *self.training.position_range):
-                return f"the records lie all beyond {key}"
+                return phrases.beyond_limit(key)
         if quick := self._undersampled_wave(f):
             return quick
         if f.residual_is_noise and f.within_noise(self.criteria.max_rmse_over_noise):
             return ""
         few = self.few_waves(f)
-        return self._beyond_travel(f) or next((f"{key} has {n:.1f} waves in the record" for key, n in few.items()), "")
+        return self._beyond_travel(f) or next((phrases.few_waves(key, n) for key, n in few.items()), "")
 
     def _beyond_travel(self, f: FittedModel) -> str:
         """Return how far from its zero a force over a position that nobody measured starts, if records never go as
@@ -123,10 +123,7 @@ class Decisions:
             max(float(np.ptp(one.position_range)) for one in (problem, self.validation)),
             problem.units.get(place, ""),
         )
-        told = (
-            f"{place} was not measured: its zero would be {most:.3g} {problem.shown(unit)} from where a record starts"
-        )
-        return f"{told}, which goes {way:.3g}" if most > way else ""
+        return phrases.zero_beyond_travel(place, most, way, problem.shown(unit)) if most > way else ""
 
     @functools.cached_property
     def _slow(self) -> float:
@@ -145,7 +142,7 @@ class Decisions:
         step = self.training.scale.step
         orders = {k: use.parameters[n] for k, use in f.added.items() for n in EFFECTS[use.type].periodic[:1]}
         quick = [key for key, order in orders.items() if np.max(order) * self._slow * step > np.pi]
-        return f"{quick[0]} passes a wave in less than two samples" if quick else ""
+        return phrases.wave_too_fast(quick[0]) if quick else ""
 
     def few_waves(self, f: FittedModel) -> dict[str, float]:
         """Return how many periods the records hold of each periodic force of a model, of those of too few."""

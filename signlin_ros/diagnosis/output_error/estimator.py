@@ -35,6 +35,7 @@ from signlin_ros.diagnosis.output_error.residual import residual_tests
 from signlin_ros.diagnosis.output_error.score import log_mse
 from signlin_ros.diagnosis.output_error.trials import CandidateParts, Trial, completed, rescanned, trials, tryable
 from signlin_ros.diagnosis.progress import Progress
+from signlin_ros.diagnosis.wording import phrases
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import SimulationError
 from signlin_ros.fitting.candidate import Candidate, candidate
@@ -260,7 +261,7 @@ class OutputErrorEstimator(Decisions):
         found = next(iter(self._all_finished(now, [best] if best else [])), None)
         if found is None:
             name = options[0].name
-            raise SimulationError(f"{self.training.base.source}: with {name} the model diverges on these records")
+            raise SimulationError(phrases.diverges(self.training.base.source, name))
         return found
 
     def _multi_start(self, before: Fit, trial: Trial, few: int = MAX_STARTS, on: int = 0) -> Fit | None:
@@ -366,11 +367,11 @@ class OutputErrorEstimator(Decisions):
         """
         options = [self._from_equation_error(t) for t in trials(self.training, names) if t.name not in of.effects]
         self.cache.searched.setdefault(of.effects, set()).update(t.name for t in options)
-        self.progress.say(f"{len(options)} effects on top of {', '.join(of.effects) or 'the base model'}")
+        self.progress.say(phrases.extending(len(options), of.effects))
         climb = self._multi_start if share is None else self._from_all_starts
         fits = [f for f in self.in_parallel(lambda t: climb(of.fit, t), options) if f]
         kept = screened(self.short, of.fit, fits, rival.fit if rival else None, share)
-        self.progress.say(f"fitting {len(kept)} of them to the end")
+        self.progress.say(phrases.finishing(len(kept)))
         found = self._all_finished(of, kept)
         if not names and found and not min(found, key=attrgetter("log_mse")).white:
             found += self._all_finished(of, self._richer(of, found, options))
@@ -417,7 +418,7 @@ class OutputErrorEstimator(Decisions):
     def cross_entropy(self, of: FittedModel, names: Sequence[str] | None = None) -> list[FittedModel]:
         """Return fits with one effect more of many local minima, each from the best of all its starts."""
         options = [t for t in trials(self.training, names) if t.effect.rugged and t.name not in of.effects]
-        self.progress.say("effects with many local minima")
+        self.progress.say(phrases.MANY_MINIMA)
         fits = [cross_entropy_fit(self.short, self.best(of).fit, t, self.in_parallel) for t in options]
         return self._all_finished(of, [f for f in fits if f])
 
@@ -472,7 +473,7 @@ def estimator_of(
     watched = progress or Progress()
     threads = jobs or min(os.cpu_count() or 1, 2)
     found = OutputErrorEstimator(problem, unseen, stretched(problem), criteria, cache, watched, threads)
-    watched.say("base model")
+    watched.say(phrases.BASE_MODEL)
     base = found._over_gains(candidate(problem, problem.base, ()), None)
     if base is None:
         step = problem.scale.step

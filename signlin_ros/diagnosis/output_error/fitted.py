@@ -14,6 +14,7 @@ from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.output_error.residual import ResidualStructure
 from signlin_ros.diagnosis.output_error.score import log_mse
 from signlin_ros.diagnosis.results import ParameterEstimate
+from signlin_ros.diagnosis.wording import phrases
 from signlin_ros.effects import EFFECTS
 from signlin_ros.effects.base import Effect
 from signlin_ros.fitting.candidate import Coordinate
@@ -70,14 +71,14 @@ class FittedCoordinate(NamedTuple):
     def note(self) -> str:
         """What is told beside its value."""
         if self.at_bound:
-            return "at its bound"
+            return phrases.AT_BOUND
         if self.k.record:
-            return f"of {self.k.record}"
+            return phrases.own_record(self.k.record)
         if self.k.spread < 1.0 and abs(self.prior_deviation) > ODD:
-            times = f" ({np.exp(self.x - self.k.prior):.3g} times it)" if self.k.log else ""
-            return f"{abs(self.prior_deviation):.1f} tolerances from its nominal value{times}"
+            ratio = float(np.exp(self.x - self.k.prior)) if self.k.log else None
+            return phrases.off_nominal(self.prior_deviation, ratio)
         untold = self.k.spread < 1.0 and self.std > UNTOLD * self.k.spread
-        return "not excited: the record says nothing beyond the tolerance" if untold else ""
+        return phrases.NOT_EXCITED if untold else ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,29 +177,29 @@ class FittedModel:
     def _insignificant(self, key: str, criteria: Criteria) -> str:
         effect = EFFECTS[self.added[key].type if key in self.added else key.partition(".")[0]]
         if key in self.implausible:
-            return f"the values of {key} are not those of a real one"
+            return phrases.not_real(key)
         told, where = (*effect.telling, *effect.essential), {*effect.turning[1:], *effect.periodic[:1]}
         own = {i: one for i, one in enumerate(self.coordinates) if one.key == key and one.name not in where}
         moving = {i: one for i, one in own.items() if np.isfinite(one.std) or one.name in told}
         if own and not moving:
-            return f"nothing is known of {key}"
+            return phrases.unknown(key)
         at: dict[str, int] = {}
         for i, one in moving.items():
             k, name = one.k, one.name
             if one.at_bound and (name in told or k.log):
-                return f"{k.name} is at its bound"
+                return phrases.at_bound(k.name)
             if not k.log or name in effect.neutral or k.name.startswith("sensor_gain"):
                 at[name] = i
             elif one.std > criteria.max_relative_std and (not told or name in told):
-                return f"{k.name} is not known to better than half"
+                return phrases.vague(k.name)
             elif one.std > 1.0 / criteria.min_coefficient_t and name in effect.telling:
-                return f"{k.name} is {1.0 / one.std:.1f} of its own standard errors from nothing"
+                return phrases.insignificant(k.name, 1.0 / one.std)
         tests: list[tuple[int, ...]] = [(at[n],) for n in effect.telling if n in at]
         for index in tests or ([tuple(at.values())] if at else []):
             size = self._joint_t(effect, index)
             surely = max(size, self.likelihood_t(index)) if 1.0 <= size < criteria.min_coefficient_t else size
             if surely < criteria.min_coefficient_t:  # nor is the likelihood asked of what its own error swallows
-                return f"{key} is {surely:.1f} of its own standard errors from nothing"
+                return phrases.insignificant(key, surely)
         return ""
 
     def t_ratio(self, effect: str) -> float:

@@ -89,16 +89,6 @@ def beyond_noise(before: Array, after: Array, samples: Array, together: Array) -
     return float(np.sqrt(max(np.sum(samples / together * (first - second) / second) / 4, 0.0)))
 
 
-def told_change(certainty: float, asked: float, most: str = "") -> str:
-    """Return by how many standard errors the error on validation data changes, and by how many it must fall, in
-    words.
-    """
-    if round(certainty, 1) < 0:
-        return f"the error on validation data rises by {-certainty:.1f} standard errors"
-    size = f"{most}{np.floor(10 * certainty) / 10:.1f} standard errors"  # 3.48 are not the 3.5 that are asked
-    return f"the error on validation data falls by {size}, {asked:g} are asked"
-
-
 def generalizes_badly(known: Array, unseen: Array, here: Array, there: Array, times: float) -> bool:
     """Tell whether mean squared errors (blocks, channels) of validation data are so many times those of known ones,
     both beside the noise of their sensors, ``there`` and ``here`` (channels): it has a size of its own in every record.

@@ -9,13 +9,13 @@ import numpy as np
 from signlin_ros.comparison.scores import follows_nothing
 from signlin_ros.diagnosis.dataset import Dataset
 from signlin_ros.diagnosis.evidence import HALF, Evidence
-from signlin_ros.diagnosis.loops import family_of
 from signlin_ros.diagnosis.output_error import FittedModel
-from signlin_ros.diagnosis.output_error.score import told_change
 from signlin_ros.diagnosis.results import ParameterEstimate, listed
 from signlin_ros.diagnosis.validation import force_left, force_percent, freed
-from signlin_ros.diagnosis.verdict import REASONS, Verdict
-from signlin_ros.effects import find_effect
+from signlin_ros.diagnosis.verdict import Verdict
+from signlin_ros.diagnosis.wording import phrases
+from signlin_ros.diagnosis.wording.reasons import REASONS
+from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.effects.base import SensorEffect, Shown
 from signlin_ros.errors import joined
 from signlin_ros.fitting.problem import Problem
@@ -63,7 +63,7 @@ def _first(verdict: Verdict) -> str:
     """Return the sentence on base parameters far from nominal, which comes before all others; empty if none is."""
     if not verdict.far:
         return ""
-    parts = [f"{n} ends {abs(x):.1f} tolerances from its nominal value" for n, x in verdict.far.items()]
+    parts = [f"{n} {phrases.ends_off(x)}" for n, x in verdict.far.items()]
     same = ", and the same is found with it held there" if verdict.label == "missing" else ""
     return f"Check this first: {joined(parts)}{same}. "
 
@@ -96,6 +96,16 @@ def _unexplained(evidence: Evidence, verdict: Verdict) -> str:
     rest = remainder(evidence, verdict)
     none = f"Something is missing that no listed effect explains{'' if rest else _left_over(evidence, verdict)}"
     return f"{_unsure(evidence, verdict) or none}.{rest}"
+
+
+def family_of(effect: str, changing: str) -> str:
+    """Return in words the laws a loop may follow, and whether its force is ``changing`` along the records."""
+    family = find_effect(effect, "effects").family
+    names = [n for n, other in EFFECTS.items() if other.family == family and other.states]
+    laws = f" ({', '.join(listed([n]) for n in names)} are laws of it)"
+    if changing.startswith("loop"):
+        return f"{laws} whose force changes slowly along the record, as that of what degrades"
+    return f"{laws}, and which loop it is cannot be told"
 
 
 def further(c: Dataset) -> str:
@@ -139,7 +149,7 @@ def _unsure(evidence: Evidence, verdict: Verdict) -> str:
     if not found:
         return ""
     names = list(found)[:MAX_UNSURE_EFFECTS]
-    surely = told_change(max(found[n] for n in names), c.min_t, "at most " if len(names) > 1 else "")
+    surely = phrases.change(max(found[n] for n in names), c.min_t, "at most " if len(names) > 1 else "")
     told = " or ".join(listed([n]) for n in names)
     return f"Too little was recorded to tell what is missing: {told} would take most of it away, but {surely}"
 

@@ -1,0 +1,227 @@
+"""Phrases of a diagnosis: numbers and names in, text out. What decides which of them is said stands at the caller."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+import numpy as np
+
+from signlin_ros.diagnosis.results import listed
+
+# -------------------------------------------------------------------- progress
+
+BASE_MODEL = "base model"
+FORCE_RESIDUAL = "missing force"
+INPUT_HOLD = "how the input acts"
+MANY_MINIMA = "effects with many local minima"
+MOTION = "motion"
+MOTION_WITH_FORCE = "motion with what the force shows"
+PLANNED_RIVALS = "rivals of the plan"
+
+
+def extending(count: int, effects: Sequence[str]) -> str:
+    """Return the stage in which so many effects are tried beside others."""
+    return f"{count} effects on top of {', '.join(effects) or 'the base model'}"
+
+
+def finishing(count: int) -> str:
+    """Return the stage in which so many fits go on to the end."""
+    return f"fitting {count} of them to the end"
+
+
+# -------------------------------------------------------------------- a change of the validation error
+
+A_CHANNEL_RISES = "the error of a channel rises"
+
+
+def change(t: float, asked: float, most: str = "") -> str:
+    """Return by how many standard errors the validation error changes, and by how many it must fall."""
+    if round(t, 1) < 0:
+        return f"the error on validation data rises by {-t:.1f} standard errors"
+    size = f"{most}{np.floor(10 * t) / 10:.1f} standard errors"  # 3.48 are not the 3.5 that are asked
+    return f"the error on validation data falls by {size}, {asked:g} are asked"
+
+
+# -------------------------------------------------------------------- one parameter, one effect
+
+AT_BOUND = "at its bound"
+NOT_EXCITED = "not excited: the record says nothing beyond the tolerance"
+TAKES_NOTHING = "beside the others it takes away less than shows of what is missing"
+
+
+def off_nominal(tolerances: float, ratio: float | None) -> str:
+    """Return how far a value is from nominal: in tolerances, and as so many times the nominal value."""
+    times = "" if ratio is None else f" ({ratio:.3g} times it)"
+    return f"{abs(tolerances):.1f} tolerances from its nominal value{times}"
+
+
+def freed(name: str, tolerances: float) -> str:
+    """Return that a base parameter ends far from nominal without an effect."""
+    return f", but without it {name} {ends_off(tolerances)}"
+
+
+def ends_off(tolerances: float) -> str:
+    """Return that a parameter ends so many tolerances from nominal."""
+    return f"ends {off_nominal(tolerances, None)}"
+
+
+def bent(names: str) -> str:
+    """Return that an effect lowers the error only with base parameters far from nominal."""
+    return f"only with {names} that far from nominal it would take something away"
+
+
+def own_record(source: str) -> str:
+    """Return that a value is one record's own."""
+    return f"of {source}"
+
+
+def not_real(key: str) -> str:
+    """Return that an effect's values are those of something that its equation imitates."""
+    return f"the values of {key} are not those of a real one"
+
+
+def unknown(key: str) -> str:
+    """Return that no coefficient of an effect is known."""
+    return f"nothing is known of {key}"
+
+
+def at_bound(name: str) -> str:
+    """Return that a parameter ended at its bound."""
+    return f"{name} is {AT_BOUND}"
+
+
+def vague(name: str) -> str:
+    """Return that a parameter's standard error is more than half of it."""
+    return f"{name} is not known to better than half"
+
+
+def insignificant(name: str, t: float) -> str:
+    """Return that a coefficient differs from zero by too few of its standard errors."""
+    return f"{name} is {t:.1f} of its own standard errors from nothing"
+
+
+def insignificant_beside_rest(name: str, t: float) -> str:
+    """Return the same of an effect beside which more than noise is left."""
+    return f"{insignificant(name, t)}, and more than noise is left"
+
+
+# -------------------------------------------------------------------- what records do not hold
+
+
+def beyond_limit(key: str) -> str:
+    """Return that a limit was passed throughout."""
+    return f"the records lie all beyond {key}"
+
+
+def few_waves(key: str, periods: float) -> str:
+    """Return that the records hold too few periods of a wave."""
+    return f"{key} has {periods:.1f} waves in the record"
+
+
+def wave_too_fast(key: str) -> str:
+    """Return that a wave passes faster than samples can tell."""
+    return f"{key} passes a wave in less than two samples"
+
+
+def zero_beyond_travel(place: str, distance: float, travel: float, unit: str) -> str:
+    """Return that a force would have its zero beyond where any record went."""
+    told = f"{place} was not measured: its zero would be {distance:.3g} {unit} from where a record starts"
+    return f"{told}, which goes {travel:.3g}"
+
+
+def diverges(source: str, effect: str) -> str:
+    """Return that a model diverges with an effect."""
+    return f"{source}: with {effect} the model diverges on these records"
+
+
+# -------------------------------------------------------------------- rows of the ranking
+
+LED_NOWHERE = "not fitted: no step of the search led to it"
+TOO_LITTLE_AT_FIRST = "after the first steps of a fit it takes away too little of the error to go on with"
+
+
+def not_fitted(effects: Sequence[str]) -> str:
+    """Return that an effect was not fitted, since others leave but noise."""
+    what, verb = listed(effects) or "the model as it is", "leave" if len(effects) > 1 else "leaves"
+    return f"not fitted: {what} {verb} nothing but noise"
+
+
+def not_applicable(plant: str) -> str:
+    """Return that an effect does not exist for a plant."""
+    return f"does not apply to {plant}"
+
+
+def by_force(left: float, before: float, of_effort: str, whole: float) -> str:
+    """Return what a law would leave of the force, and what the model without it does, in per cent of the effort."""
+    told = f"{left:.3g} %" if left <= whole else "more than all"
+    return f"by the force it would leave {told} {of_effort} on validation data, the model without it {before:.3g} %"
+
+
+def may_act_beyond(low: float, high: float, unit: str) -> str:
+    """Return between which positions the records are."""
+    return f"; the records move from {low:.3g} to {high:.3g} {unit}: it may act beyond"
+
+
+def as_good(effect: str, richer: bool) -> str:
+    """Return that an effect explains the records as well as one that is named."""
+    return f"as good on validation data as {listed([effect])}{', which is the simpler law' * richer}"
+
+
+def experiment(to_decide: bool, effect: str, what: str) -> str:
+    """Return which experiment would decide on an effect, or show it."""
+    return f"{'to decide on' if to_decide else 'to see'} {listed([effect])}: {what}"
+
+
+# -------------------------------------------------------------------- why the estimates differ
+
+
+def _leaves(effects: Collection[str]) -> str:
+    return "leaves" if len(effects) == 1 else "leave"
+
+
+def more_force_than_base(effects: Sequence[str]) -> str:
+    """Return that effects follow the motion, and leave more force than the model as it is."""
+    return f"{listed(effects)} would follow the motion, but {_leaves(effects)} more force than the model as it is"
+
+
+def more_force(effects: Sequence[str]) -> str:
+    """Return the same beside another model, whose effects take the place of ``{}``."""
+    return f"{listed(effects)} would follow the motion better than {{}}, but {_leaves(effects)} more force"
+
+
+def motion_refuses(
+    laws: Sequence[str], left: float | None, before: float | None, of_effort: str, others: Sequence[str]
+) -> str:
+    """Return that simulation refuses the laws of the force, which leave so many per cent of the effort."""
+    place = "" if before is None else f" in place of {before:.3g} %"
+    told = f"by the force {listed(laws)} would leave {left:.3g} % {of_effort}{place}, but the motion"
+    other = f"; {listed(others)} would follow it better" if others else ""
+    return f"{told} that they make is not the one that was measured{other}"
+
+
+# -------------------------------------------------------------------- notes
+
+HOLDS = {
+    "centred": "as if sampled from what goes on in between",
+    "linear": "as if interpolated between its samples",
+    "backward": "as if logged beside the state that it led to",
+}
+
+
+def input_acts(hold: str | float, figures: str, effects: Sequence[str]) -> str:
+    """Return how the input was found to act, and what that is worth for the base, or with some effects."""
+    what = f"with {listed(effects)}" if effects else "of the refitted model"
+    return f"the input acts {HOLDS[str(hold)]} (input_hold: {hold}): {figures} {what}, on the data fitted to"
+
+
+def error_changes(channel: str, horizon: float, before: float, after: float, unit: str) -> str:
+    """Return two RMS errors of a channel over the horizon in s."""
+    return f"error of {channel} over {horizon:.3g} s {before:.3g} -> {after:.3g} {unit}"
+
+
+def stopped(added: int, most: int, explained: bool) -> str:
+    """Return why `refine` stopped after so many effects."""
+    end = "nothing else that is listed lowers the error on validation data beyond doubt"
+    end = f"{most} effects are the most" if added >= most else end
+    end = end if explained else "the records are not explained, see the verdict"
+    return f"stopped after {added} effect{'' if added == 1 else 's'}: {end}"

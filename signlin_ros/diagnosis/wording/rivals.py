@@ -1,0 +1,59 @@
+"""What became of the rivals of a planned experiment, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from signlin_ros.diagnosis.discrimination import BOUND_SHARES, RefittedRival, loses, undecided
+from signlin_ros.diagnosis.evidence import Evidence
+from signlin_ros.diagnosis.output_error import FittedModel
+from signlin_ros.diagnosis.results import listed
+from signlin_ros.digits import with_error
+from signlin_ros.effects import EFFECTS
+from signlin_ros.errors import joined
+from signlin_ros.model.numbers import declared
+from signlin_ros.recording.trace import resolve_unit
+
+
+def told(evidence: Evidence, rivals: Sequence[RefittedRival], final: FittedModel) -> str:
+    """Return what was made of the rivals, in words; empty where there are none, or nothing is named."""
+    if not rivals or not final.effects:
+        return ""
+    ties = undecided(evidence, rivals, final)
+    parts = []
+    if ties:
+        names = listed(["+".join(r.effects) or "nothing" for r in ties])
+        parts.append(f"Not decided: {names}, refitted from the values of the plan, cannot be told from it")
+    others = [r for r in rivals if r not in ties and r.effects and set(r.effects) != set(final.effects)]
+    lost = [r for r in others if loses(evidence, r.least, final)]
+    if lost:
+        least = min(evidence.output_error.t_ratio(r.least, final) for r in lost)
+        names = listed(["+".join(r.effects) for r in lost])
+        what = f"{'loses' if len(lost) == 1 else 'lose'} by {least:.1f} standard errors" + " or more" * (len(lost) > 1)
+        parts.append(f"Refitted from the values of the plan {names} {what}")
+    bounds = [b for r in lost if _holds(r, final) and (b := _bound(evidence, r, final))]
+    parts += [f"Excluded is {joined(bounds)}"] if bounds else []
+    return " ".join(f"{part}." for part in parts)
+
+
+def _holds(r: RefittedRival, final: FittedModel) -> bool:
+    """Tell whether a rival is a law of the same family that has a size, and is richer than what is named."""
+    families = [EFFECTS[e[0]].family if len(e) == 1 else "" for e in (r.effects, final.effects)]
+    return bool(r.size and families[0]) and families[0] == families[1] and r.best.n_parameters > final.n_parameters
+
+
+def _bound(evidence: Evidence, r: RefittedRival, final: FittedModel) -> str:
+    """Return the smallest size of what a lost rival adds that is excluded, in words; empty where none is."""
+    smallest = ""
+    for share in reversed(BOUND_SHARES):
+        value, f = r.at(share)
+        if f is None or not loses(evidence, f, final):
+            break
+        key, _, name = r.size.rpartition(".")
+        unit = evidence.dataset.training.shown(resolve_unit(declared(f.model)[r.size].unit, f.model.plant, False))
+        size = f"{with_error(value, 0.2 * value)[0]} {unit}".rstrip()
+        smallest = f"{listed([key])} with {name} of {size} or {'less' if r.stiff else 'more'}"
+    return smallest
+
+
+__all__ = ["told"]
