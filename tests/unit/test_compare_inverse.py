@@ -11,6 +11,7 @@ from scipy.signal import butter, decimate, filtfilt
 
 from signlin_ros.diagnosis.comparison import compare, compare_efforts
 from signlin_ros.follow.data import load_records
+from signlin_ros.follow.tracking import driven
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.simulation import simulate
@@ -128,6 +129,19 @@ def test_an_effect_with_a_state_is_driven_by_the_measured_motion():
     data = [ModelData(t, run.u, measured, None, model.inputs, model.states, model.units)]
     assert found(model, data).relative_error_percent < 3
     assert found(plain, data).relative_error_percent > 20
+
+
+def test_a_stiff_bristle_is_carried_along_few_samples():
+    """Its rate, sigma |v| / F_c, is 2500 in a sample: steps between two of them would leave all bounds."""
+    model = (
+        Model.load("dc_motor").without_effect("coulomb_friction").with_effect("dahl_presliding", F_c=0.03, sigma=12.0)
+    )
+    t = np.arange(200) * 0.045
+    v = 20.0 * np.sin(2.0 * t)
+    x = driven(model, t, np.zeros((t.size, 1)), {"current": np.sin(2.0 * t), "speed": v})
+    z = x[:, list(model.states).index("dahl_presliding.z")]
+    moving = np.abs(v) > 4.0
+    np.testing.assert_allclose(12.0 * z[moving], 0.03 * np.sign(v[moving]), rtol=1e-3)
 
 
 @pytest.mark.parametrize("seed", range(3))
