@@ -52,7 +52,7 @@ def case(tie: Tie, which: int, seed: int, folder: Path) -> dict[str, Any]:
     row: dict[str, Any] = {"tie": tie.key, "true": names[which], "seed": seed}
     for k, (name, command) in enumerate(inputs.items()):
         path = tie.record(which, *command, 1000 * seed + 500 + 10 * which + k, folder / f"baseline_{k}.csv")
-        row[name] = margin(model, [*first, *read(tie, [path])[1]], rivals, names[which])
+        row[name] = margin(tie, which, [*first, *read(tie, [path])[1]], rivals)
     return row
 
 

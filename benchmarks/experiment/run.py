@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.experiment.ties import TIES, Tie
+from benchmarks.experiment.ties import TIES, Tie, true_model
 from signlin_ros.diagnosis.discrimination import PlannedRival
 from signlin_ros.diagnosis.results import Diagnosis
 from signlin_ros.diagnosis.verbs import diagnose
@@ -27,10 +27,13 @@ from signlin_ros.experiment.naming import open_names, with_named
 from signlin_ros.experiment.plan import ExperimentPlan
 from signlin_ros.experiment.search import NEEDED_EVIDENCE
 from signlin_ros.experiment.setting import KnownLimits, bench_of, gains_of, known_rivals
+from signlin_ros.experiment.sizes import Size
 from signlin_ros.experiment.verbs import ExperimentWishes, designed
 from signlin_ros.fitting.fit import fit
 from signlin_ros.follow.data import load_sides
 from signlin_ros.guard import check_sides
+from signlin_ros.model import Model
+from signlin_ros.model.numbers import numbers
 from signlin_ros.records import ModelData
 
 SEEN_STEPS = 12
@@ -64,19 +67,56 @@ def beyond(tie: Tie, which: int, plan: ExperimentPlan) -> float:
     return float(max(parts))
 
 
-def margin(model: Any, records: Sequence[ModelData], rivals: Sequence[KnownLimits], true: str) -> float:
-    """Return -2 log likelihood by which the best wrong rival is behind the true one, all refitted to all records."""
-    bench, costs = bench_of(model, records, rivals), dict[str, float]()
+def margin(
+    tie: Tie,
+    which: int,
+    records: Sequence[ModelData],
+    rivals: Sequence[KnownLimits],
+    planned: Sequence[PlannedRival] = (),
+) -> float:
+    """Return -2 log likelihood by which the best wrong rival is behind the true one, all refitted to all records, from
+    the starts and at the sizes of interest of the plan; the true one from what is true, too: a refit that is stuck says
+    nothing of a record.
+    """
+    true, costs = tie.machines[which], dict[str, float]()
+    bench, told = bench_of(tie.given, records, rivals), {"+".join(p.effects): p for p in planned}
     for c in bench.contenders:
-        low, high = c.bounds
+        name = "+".join(c.effects)
+        plan = told.get(name)
+        low, high = (replace(c, size=_size(plan)) if plan else c).bounds
         sides = zip(c.candidate.coordinates, low.tolist(), high.tolist(), strict=True)
         own = replace(c.candidate, coordinates=tuple(replace(k, low=a, high=b) for k, a, b in sides), starts={})
-        starts = [c.theta, *c.sigma_points[:2]]
-        fits = [f for f in (fit(bench.problem, own, gains_of(bench.problem), x, SEEN_STEPS) for x in starts) if f]
-        costs["+".join(c.effects)] = min((f.objective for f in fits), default=np.inf)
-    if true not in costs:
+        models = [*(plan.starts if plan else ()), *([true_model(tie.given, true)] if name == true.names[0] else [])]
+        starts = [
+            c.theta,
+            *c.sigma_points[:2],
+            *(own.start({**c.candidate.named(c.theta), **_named(m)}) for m in models),
+        ]
+        found = (fit(bench.problem, own, gains_of(bench.problem), np.clip(x, low, high), SEEN_STEPS) for x in starts)
+        costs[name] = min((f.objective for f in found if f), default=np.inf)
+    if true.names[0] not in costs:
         return float("nan")
-    return min((v for n, v in costs.items() if n != true), default=np.inf) - costs[true]
+    return min((v for n, v in costs.items() if n != true.names[0]), default=np.inf) - costs[true.names[0]]
+
+
+def _size(plan: PlannedRival) -> Size | None:
+    """Return the size of interest of a rival of a plan."""
+    first = next(iter(plan.of_interest), "")
+    return Size(first, not np.isfinite(plan.of_interest[first][0]), plan.of_interest) if first else None
+
+
+def _named(model: Model) -> dict[str, float]:
+    """Return the numbers of a model, and those of its sensors."""
+    sensors = (use for use in model.effects.values() if use.type.startswith("sensor_"))
+    return {**numbers(model), **{f"{use.type}.{c}": x for use in sensors for c, x in use.parameters.items()}}
+
+
+def of_interest(tie: Tie, which: int, planned: Sequence[PlannedRival]) -> bool:
+    """Tell whether a true machine is one that a plan is for: no smaller than its size of interest."""
+    true = tie.machines[which]
+    values = numbers(true_model(tie.given, true))
+    sides = [p.of_interest for p in planned if p.effects == true.names]
+    return all(a <= values[n] <= b for bounds in sides for n, (a, b) in bounds.items())
 
 
 def rivals_of(found: Diagnosis, model: Any, data: Sequence[ModelData]) -> list[KnownLimits]:
@@ -121,7 +161,9 @@ def judged(tie: Tie, which: int, folder: Path, row: Row) -> Row:
     model, data = read(tie, [folder / f"{name}.csv" for name in ("first", "r0", "r1")])
     started = time.process_time()
     told = json.loads((folder / "next.rivals.json").read_text())["rivals"]
-    found = diagnose(model, data[:-1], data[-1:], jobs=1, rivals=[PlannedRival.of_json(one) for one in told])
+    planned = [PlannedRival.of_json(one) for one in told]
+    row["of_interest"] = of_interest(tie, which, planned)
+    found = diagnose(model, data[:-1], data[-1:], jobs=1, rivals=planned)
     named = list(found.ladder[-1].effects)
     confirmed = [e.effect for e in found.ranking if e.status == "confirmed" and e.effect in named]
     row |= {"named": named, "confirmed": confirmed, "then": found.verdict, "told": found.sentence}
@@ -130,7 +172,7 @@ def judged(tie: Tie, which: int, folder: Path, row: Row) -> Row:
     if row.get("kept") and "seen" not in row:
         rivals = rivals_of(diagnose(model, data[:1], jobs=1), model, data[:1])
         kept = [r for r in rivals if "+".join(r.effects).replace("_", " ") in row["kept"]]
-        row["seen"] = margin(model, data, kept, tie.machines[which].names[0])
+        row["seen"] = margin(tie, which, data[:2], kept, planned)
     return row
 
 
@@ -173,7 +215,8 @@ def summary(rows: Sequence[Row]) -> None:
     """Print the scores."""
     done = [r for r in rows if r.get("plan")]
     open_ = [r for r in rows if set(r["first"]) != {r["true"]}]
-    kept = [r["seen"] >= 0.5 * r["promised"] for r in done if r.get("promised") and np.isfinite(r.get("seen", np.nan))]
+    told = [r for r in done if r.get("promised") and np.isfinite(r.get("seen", np.nan)) and r["of_interest"]]
+    kept = [r["seen"] >= 0.5 * r["promised"] for r in told]
     print(f"cases {len(rows)}, not decided by the first record {len(open_)}, planned {len(done)}", file=sys.stderr)
     print(f"right {sum(r['right'] for r in done)}, wrongly confirmed {sum(r['wrong'] for r in done)}", file=sys.stderr)
     print(

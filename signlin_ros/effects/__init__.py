@@ -46,6 +46,7 @@ CATALOGUE = (
     "compliant_load",
     "backlash",
     "learned_force",
+    "input_offset",
     "input_deadzone",
     "input_saturation",
     "input_delay",

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from signlin_ros.effects.compliant_load import MAX_RESONANCE, MIN_DAMPING_RATIO, MIN_RESONANCE, CompliantLoad
+from signlin_ros.effects.interest import MIN_SIZE_SHARE, Bounds, at_least
 from signlin_ros.par import Par
 from signlin_ros.scale import Scale
 
@@ -67,6 +68,11 @@ class Backlash(CompliantLoad):
         """Refuse a play of nothing: an elastic coupling is another effect; and contact that loses nothing."""
         damped = p["c"] > 2.0 * MIN_DAMPING_RATIO * (p["k"] * p["J"]) ** 0.5
         return bool(p["gap"] > 0.0 and p["k"] > 0.0 and damped)
+
+    @classmethod
+    def of_interest(cls, p: Mapping[str, float], scale: Scale) -> dict[str, Bounds]:
+        """Return the play that a share of the driving force would close by its elasticity."""
+        return {"gap": at_least(MIN_SIZE_SHARE * scale.force / max(p["k"], 1e-300))}
 
     def coupling(self, m: Any, x: Any, p: Any) -> Any:
         """Return the torque through the coupling, zero while the play is crossed."""

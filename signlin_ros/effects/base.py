@@ -156,6 +156,14 @@ class Effect(HasPars):
         return {}
 
     @classmethod
+    def of_interest(cls, p: Mapping[str, float], scale: Scale) -> dict[str, tuple[float, float]]:
+        """Return the least and the largest values of parameters between which it is of interest beside the simpler laws
+        that it contains, which else could never win; the size that is told first; infinite where free. Empty: any value
+        is. ``p``: its parameters, ``scale``: of the record.
+        """
+        return {}
+
+    @classmethod
     def fault(cls, p: Any) -> str:
         """Return what is wrong with parameters that are each within their bounds, starting with the name of one of
         them (``knots: found ...; allowed: ...``); empty: nothing. ``p`` as the law gets it.

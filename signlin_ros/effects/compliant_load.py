@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from signlin_ros.effects.base import Effect
+from signlin_ros.effects.interest import Bounds, soft
 from signlin_ros.par import Par
 from signlin_ros.scale import Scale
 
@@ -50,6 +51,10 @@ class CompliantLoad(Effect):
         """
         critical = float(2.0 * (p["k"] * p["J"]) ** 0.5)
         return bool(p["k"] > 0.0 and MIN_DAMPING_RATIO * critical < p["c"] < OVERDAMPED * critical)
+
+    @classmethod
+    def of_interest(cls, p: Mapping[str, float], scale: Scale) -> dict[str, Bounds]:
+        return {"k": soft(scale)}
 
     def coupling(self, m: Any, x: Any, p: Any) -> Any:
         """Return the torque through the coupling."""

@@ -6,7 +6,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from signlin_ros.effects.base import Effect
+from signlin_ros.effects.interest import Bounds, soft
 from signlin_ros.par import Par
+from signlin_ros.scale import Scale
 
 
 class DahlPresliding(Effect):
@@ -38,6 +40,10 @@ class DahlPresliding(Effect):
     @classmethod
     def holding(cls, simple: str, p: Mapping[str, float]) -> dict[str, float]:
         return {"F_c": p["mu"]} if simple == "coulomb_friction" else {}
+
+    @classmethod
+    def of_interest(cls, p: Mapping[str, float], scale: Scale) -> dict[str, Bounds]:
+        return {"sigma": soft(scale)}
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         return -p.sigma * x.own.z

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from signlin_ros.effects.base import Effect
+from signlin_ros.effects.interest import MIN_SIZE_SHARE, Bounds, at_least
 from signlin_ros.par import Par
+from signlin_ros.scale import Scale
 
 
 class LoadDependentFriction(Effect):
@@ -28,6 +31,10 @@ class LoadDependentFriction(Effect):
     kappa_d = Par("-", nominal=0.1, high=0.99, doc="friction per unit of driving force")
     kappa_e = Par("-", nominal=0.1, high=0.99, doc="friction per unit of external force")
     start = ({"kappa_d": 0.05, "kappa_e": 0.05},)
+
+    @classmethod
+    def of_interest(cls, p: Mapping[str, float], scale: Scale) -> dict[str, Bounds]:
+        return {"kappa_d": at_least(MIN_SIZE_SHARE * (p["kappa_d"] + p["kappa_e"]))}
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         load = p.kappa_d * m.abs(x.drive_force) + p.kappa_e * m.abs(x.external_force)

@@ -6,7 +6,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from signlin_ros.effects.base import Effect
+from signlin_ros.effects.interest import MIN_SIZE_SHARE, Bounds, at_least, fading, soft
 from signlin_ros.par import Par
+from signlin_ros.scale import Scale
 
 LARGER_BREAKAWAY = 1.2
 """Breakaway friction over sliding friction from which a fit starts where the simpler law has none."""
@@ -78,6 +80,12 @@ class LuGreFriction(Effect):
     @classmethod
     def plausible(cls, p: Mapping[str, float]) -> bool:
         return p["F_s"] > 0.8 * p["F_c"]  # breaking away takes no less than sliding
+
+    @classmethod
+    def of_interest(cls, p: Mapping[str, float], scale: Scale) -> dict[str, Bounds]:
+        """Return soft bristles, and a breakaway level so much above the sliding one: else they are Dahl's."""
+        breakaway = at_least((1.0 + MIN_SIZE_SHARE) * abs(p["F_c"]))
+        return {"sigma0": soft(scale), "F_s": breakaway, "v_s": fading(scale)}
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         z_rate = self.rates(m, x, p)["z"]

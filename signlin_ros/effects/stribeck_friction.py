@@ -7,7 +7,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from signlin_ros.effects.base import Effect
+from signlin_ros.effects.interest import MIN_SIZE_SHARE, Bounds, at_least, fading
 from signlin_ros.par import Par
+from signlin_ros.scale import Scale
 
 
 class StribeckFriction(Effect):
@@ -44,6 +46,10 @@ class StribeckFriction(Effect):
     @classmethod
     def simpler(cls, p: Mapping[str, float]) -> dict[str, dict[str, float]]:
         return {"coulomb_friction": {"mu": p["mu"]}} if p["excess"] < 0.02 * p["mu"] else {}
+
+    @classmethod
+    def of_interest(cls, p: Mapping[str, float], scale: Scale) -> dict[str, Bounds]:
+        return {"excess": at_least(MIN_SIZE_SHARE * abs(p["mu"])), "v_s": fading(scale)}
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         level = p.mu + p.excess * m.exp(-((x.velocity / p.v_s) ** 2))

@@ -27,6 +27,8 @@ MODEL_ERROR_FLOOR = 0.01
 """Part of a channel's spread that a model is never believed to: a floor for its error."""
 MAX_REFIT_STEPS, ENDS = 8, 0.01
 """Most steps of a refit, and the part of its cost by which the last one must still lower it."""
+MARGIN_STARTS = 2
+"""Sigma points from which the wrong rival of a noisy record is refitted, beside its estimate."""
 LOST = 1e12
 """Cost of a model that diverges."""
 
@@ -112,6 +114,17 @@ class RivalBench:
             found = self._descended(c, s, start)
             best = min(best, found, key=lambda one: one[0])
         return (best[0] if best[0] >= LOST else _compressed(best[0], s)), best[1]
+
+    def margin(self, pair: Pair, s: PreparedSegment, theta: Array) -> float:
+        """Return -2 log likelihood of a noisy record by which the second rival of a pair is behind the first, the true
+        one, of coordinates theta (n,): both refitted with what first records know, the variance unknown.
+        """
+        i, j = pair
+        other = self.contenders[j]
+        starts = [other.theta, *other.sigma_points[:MARGIN_STARTS]]
+        cost = min(self._descended(other, s, x)[0] for x in starts)
+        own = self._descended(self.contenders[i], s, theta)[0]
+        return 0.0 if max(own, cost) >= LOST else float(s.y.size * np.log(cost / max(own, 1e-12)))
 
     def _descended(self, c: Contender, s: PreparedSegment, theta: Array) -> tuple[float, Array]:
         low, high = c.bounds

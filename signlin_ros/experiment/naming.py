@@ -15,7 +15,7 @@ from signlin_ros.diagnosis.rivals import rival
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import InputError, choices, suggest
 from signlin_ros.experiment.setting import MAX_PLANNED_RIVALS, KnownLimits, known_rivals
-from signlin_ros.experiment.sizes import SIZED
+from signlin_ros.experiment.sizes import is_sized
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 
@@ -57,7 +57,7 @@ def _sized_kin(content: Mapping[str, Any], names: Sequence[str]) -> list[str]:
     """
     families = {_family(name) for name in names} - {""}
     there = [e["effect"] for e in content["ranking"] if e["status"] != "not_applicable"]
-    sized = [n for n in there if n in SIZED and _family(n) in families and n not in names]
+    sized = [n for n in there if is_sized(n) and _family(n) in families and n not in names]
     return sorted(sized, key=lambda n: len(EFFECTS[n].pars()))[:MAX_SIZED_KIN]
 
 

@@ -21,7 +21,9 @@ Tell = Callable[[str, float], None]
 
 NEEDED_EVIDENCE, ENOUGH = 10.0, 60.0
 """-2 log likelihood by which rivals are told apart at all, and that a plan asks for, beyond what noise takes away."""
-RESERVE = 1.2
+SURE = 1.3
+"""Standard errors of the noise, which a margin d has 2 sqrt(d) of, by which it is still enough: nine times in ten."""
+RESERVE = (SURE + (SURE**2 + ENOUGH) ** 0.5) ** 2 / ENOUGH
 """Times `ENOUGH` that is asked for at the estimates and at sigma points: noise takes some of it away."""
 MIN_MOTION_OVER_NOISE = 4.0
 """Times its noise that a channel of the motion must move by (RMS) with every rival."""

@@ -1,25 +1,18 @@
-"""The smallest size at which a richer law is of interest: the simpler one inside it could else never win."""
+"""The smallest size at which a richer law is of interest: the simpler one inside it could else never win. Which it is
+says the law itself (`Effect.of_interest`).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from signlin_ros.effects import EFFECTS
+from signlin_ros.effects.base import Effect
 from signlin_ros.fitting.candidate import Candidate
 from signlin_ros.fitting.problem import Problem
-
-MIN_SIZE_SHARE = 0.2
-"""Part of the friction, or of a law's own larger term, that a smaller one must be to be of interest."""
-MIN_VIBRATION_SAMPLES = 16.0
-"""Samples in a period of the vibration on a bristle or a shaft that is soft enough to be of interest."""
-MIN_FADING_SPEED, MAX_FADING_SPEED = 0.02, 0.25
-"""Parts of the RMS speed between which is that up to which friction falls, if it is to be told from one that does not:
-below, nobody sees it fall, beyond, it is lower everywhere."""
-
-Values = Mapping[str, float]
-Bound = Callable[[Problem, Values], float]
 
 
 @dataclass(frozen=True)
@@ -39,49 +32,9 @@ class Size:
         return high if self.stiff else low
 
 
-def _share_of(other: str) -> Bound:
-    return lambda problem, v: MIN_SIZE_SHARE * abs(v[other])
-
-
-def _breakaway(problem: Problem, v: Values) -> float:
-    """Return the breakaway friction that is so much larger than the sliding one: else bristles are Dahl's."""
-    return (1.0 + MIN_SIZE_SHARE) * abs(v["F_c"])
-
-
-def _soft(problem: Problem, v: Values) -> float:
-    """Return the stiffness on which the moving mass vibrates with `MIN_VIBRATION_SAMPLES` samples in a period."""
-    return float(problem.scale.inertia * (2 * np.pi / (MIN_VIBRATION_SAMPLES * problem.scale.step)) ** 2)
-
-
-def _play(problem: Problem, v: Values) -> float:
-    """Return the play that a share of the driving force would close by its elasticity."""
-    return MIN_SIZE_SHARE * problem.scale.force / max(v["k"], 1e-300)
-
-
-def _speeds(share: float) -> Bound:
-    return lambda problem, v: share * problem.scale.velocity
-
-
-LARGE: Mapping[str, Mapping[str, Bound]] = {
-    "stribeck_friction": {"excess": _share_of("mu"), "v_s": _speeds(MIN_FADING_SPEED)},
-    "backlash": {"gap": _play},
-    "lugre_friction": {"F_s": _breakaway, "v_s": _speeds(MIN_FADING_SPEED)},
-    "load_dependent_friction": {"kappa_d": lambda problem, v: MIN_SIZE_SHARE * (v["kappa_d"] + v["kappa_e"])},
-}
-"""By effect: parameters that must be so large."""
-SMALL: Mapping[str, Mapping[str, Bound]] = {
-    "dahl_presliding": {"sigma": _soft},
-    "lugre_friction": {"sigma0": _soft, "v_s": _speeds(MAX_FADING_SPEED)},
-    "compliant_load": {"k": _soft},
-    "stribeck_friction": {"v_s": _speeds(MAX_FADING_SPEED)},
-}
-"""And those that must be so small."""
-
-
-SIZED = frozenset(LARGE) | frozenset(SMALL)
-"""Effects that have a size of interest."""
-FIRST: Mapping[str, tuple[str, ...]] = {"lugre_friction": ("sigma0",)}
-"""Which of them is the size that is told, where it is not the first."""
+def is_sized(effect: str) -> bool:
+    """Tell whether an effect says from which size on it is of interest."""
+    return EFFECTS[effect].of_interest.__func__ is not Effect.of_interest.__func__  # type: ignore[attr-defined]
 
 
 def size_of(problem: Problem, c: Candidate, theta: np.ndarray[tuple[int], np.dtype[np.float64]]) -> Size | None:
@@ -89,23 +42,17 @@ def size_of(problem: Problem, c: Candidate, theta: np.ndarray[tuple[int], np.dty
     if problem.scale.imposed:
         return None
     free, named = [k.name for k in c.coordinates], {**c.values, **c.named(theta)}
-    for key in reversed(c.label):
-        kind = c.model.effects[key].type if key in c.model.effects else ""
+    for key in (key for key in reversed(c.label) if key in c.model.effects):
+        effect = EFFECTS[c.model.effects[key].type]
+        if not is_sized(effect.name):
+            continue
         own = {n.rpartition(".")[2]: v for n, v in named.items() if n.startswith(f"{key}.")}
-        least, most = LARGE.get(kind, {}), SMALL.get(kind, {})
-        names = dict.fromkeys((*FIRST.get(kind, ()), *least, *most))
-        bounds = {
-            f"{key}.{n}": (
-                least[n](problem, own) if n in least else -np.inf,
-                most[n](problem, own) if n in most else np.inf,
-            )
-            for n in names
-        }
-        bounds = {n: b for n, b in bounds.items() if n in free}
+        told = {f"{key}.{n}": b for n, b in effect.of_interest(own, problem.scale).items()}
+        bounds = {n: b for n, b in told.items() if n in free}
         if bounds:
             first = next(iter(bounds))
-            return Size(first, np.isinf(bounds[first][0]), bounds)
+            return Size(first, bool(np.isinf(bounds[first][0])), bounds)
     return None
 
 
-__all__ = ["Size", "size_of"]
+__all__ = ["Size", "is_sized", "size_of"]

@@ -11,23 +11,20 @@ from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.progress import CancelledError
 from signlin_ros.diagnosis.results import Diagnosis
-from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import InputError
 from signlin_ros.experiment import text
-from signlin_ros.experiment.contenders import Contender
-from signlin_ros.experiment.distance import LOST, Pair, RivalBench
+from signlin_ros.experiment.distance import Pair, RivalBench
 from signlin_ros.experiment.limits import Limits, limits_of
-from signlin_ros.experiment.minima import overlap
 from signlin_ros.experiment.naming import open_names, with_named
 from signlin_ros.experiment.plan import ExperimentPlan, PlanRow, PlanText, Remedy
 from signlin_ros.experiment.preview import preview
+from signlin_ros.experiment.promise import promised
 from signlin_ros.experiment.remedies import remedies, sampled
 from signlin_ros.experiment.search import (
     ENOUGH,
     MIN_LINEAR_RATIO,
     NEEDED_EVIDENCE,
     RESERVE,
-    SIGMA_POINTS,
     CommandSearch,
     CommandTrial,
 )
@@ -216,7 +213,7 @@ def _planned(
         raise InputError("no command could be found within the limits")
     best = _within(search, search.improved(best))
     tell("what it would show", 0.9)
-    told = _told(search, best, every, least, whole)
+    told = promised(search, best, every, least, whole)
     cures = [r for one in told if one.alike for r in _cures(search, one, every, whole)]
     return _plan(search, best, told, cures, rest, after)
 
@@ -236,71 +233,6 @@ def _within(search: CommandSearch, best: CommandTrial) -> CommandTrial:
             break
         best = smaller
     return search.recovered(best)
-
-
-def _told(
-    search: CommandSearch,
-    best: CommandTrial,
-    every: Sequence[Pair],
-    least: Mapping[Pair, float],
-    whole: Sequence[CommandTrial],
-) -> list[PlanText]:
-    """Return how well each two rivals are told apart: both ways, and from sigma points of the true one."""
-    bench, first = search.bench, search.bench.behind
-    found, names = [], [c.name for c in bench.contenders]
-    for i, j in dict.fromkeys((min(p), max(p)) for p in every):
-        ways = [p for p in ((i, j), (j, i)) if p in least]
-        expected = min(_expected(search, best.u, p) for p in ways)
-        places = [k for k, p in enumerate(search.pairs) if set(p) == {i, j}]
-        seen = float(best.certainties[places].min()) if best.certainties is not None and places else np.nan
-        most, alike, nested = max(expected, 0.0), False, False
-        if expected < NEEDED_EVIDENCE:
-            most = least[ways[0]]
-            most = max(expected, _most(search, ways, every, whole)) if most >= NEEDED_EVIDENCE else most
-            nested = bool(most < NEEDED_EVIDENCE) and _kin(bench.contenders[i], bench.contenders[j])
-            alike = bool(most < NEEDED_EVIDENCE) and not nested
-        found.append(
-            PlanText((names[i], names[j]), expected, seen, abs(float(first[i] - first[j])), most, alike, nested)
-        )
-    return found
-
-
-def _kin(a: Contender, b: Contender) -> bool:
-    """Tell whether one rival contains the other: it has more effects, or is a richer law of one family."""
-    if set(a.effects) < set(b.effects) or set(b.effects) < set(a.effects):
-        return True
-    if len(a.effects) != 1 or len(b.effects) != 1:
-        return False
-    first, second = a.effects[0], b.effects[0]
-    if overlap(first, second):
-        return True
-    families = [EFFECTS[name].family for name in (first, second)]
-    return bool(families[0]) and families[0] == families[1] and a.theta.size != b.theta.size
-
-
-def _expected(search: CommandSearch, u: Array, pair: Pair) -> float:
-    """Return the smallest distance from a rival's estimate or one of its sigma points, the other one refitted from its
-    estimate and from its sigma points.
-    """
-    bench, (i, j), values = search.bench, pair, list[float]()
-    for theta in (bench.contenders[i].theta, *bench.contenders[i].sigma_points[:SIGMA_POINTS]):
-        run = bench.run(i, search.t, u, theta)
-        if run is not None:
-            values.append(search.distance(j, bench.segment(i, run, theta)))
-    return min(values, default=0.0)
-
-
-def _most(search: CommandSearch, ways: Sequence[Pair], every: Sequence[Pair], whole: Sequence[CommandTrial]) -> float:
-    """Return the largest real distance of two rivals over the commands of the largest linear ones."""
-    places = [k for k, p in enumerate(every) if p in ways]
-    near = sorted(whole, key=lambda one: -float(one.linear[places].min()))[:3]
-    return max((min(_real(search.bench, search.t, one.u, p) for p in ways) for one in near), default=0.0)
-
-
-def _real(bench: RivalBench, t: Array, u: Array, pair: Pair) -> float:
-    run = bench.run(pair[0], t, u)
-    cost = LOST if run is None else bench.refitted(pair[1], bench.segment(pair[0], run))[0]
-    return 0.0 if cost >= LOST else cost
 
 
 def _cures(search: CommandSearch, one: PlanText, every: Sequence[Pair], whole: Sequence[CommandTrial]) -> list[Remedy]:

@@ -1,0 +1,111 @@
+"""How well a planned command would tell rivals apart: what is promised of each two of them.
+
+An estimate is uncertain and a record has noise: the promise is the least that refits give of machines drawn from the
+first records' estimates, with the sensors' noise, as a diagnosis would see them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.effects import EFFECTS
+from signlin_ros.experiment.contenders import Contender
+from signlin_ros.experiment.distance import LOST, Pair, RivalBench
+from signlin_ros.experiment.minima import overlap
+from signlin_ros.experiment.plan import PlanText
+from signlin_ros.experiment.search import NEEDED_EVIDENCE, SIGMA_POINTS, CommandSearch, CommandTrial
+from signlin_ros.follow.segments import PreparedSegment
+
+Array = NDArray[np.float64]
+MACHINES_DRAWN = 8
+"""Machines drawn of each rival, of which every other one is refitted to a noisy record."""
+LARGEST_REFITTED = 3
+"""Commands of the largest linear distance of a pair that are refitted, to say what any command would show."""
+
+
+def promised(
+    search: CommandSearch,
+    best: CommandTrial,
+    every: Sequence[Pair],
+    least: Mapping[Pair, float],
+    whole: Sequence[CommandTrial],
+) -> list[PlanText]:
+    """Return how well each two rivals are told apart: both ways, from sigma points of the true one, and drawn."""
+    bench, first = search.bench, search.bench.behind
+    found, names = [], [c.name for c in bench.contenders]
+    drawn = {i: _records(search, best.u, i) for i in dict.fromkeys(i for i, _ in every)}
+    for i, j in dict.fromkeys((min(p), max(p)) for p in every):
+        ways = [p for p in ((i, j), (j, i)) if p in least]
+        expected = min(_expected(search, best.u, p) for p in ways)
+        places = [k for k, p in enumerate(search.pairs) if set(p) == {i, j}]
+        seen = float(best.certainties[places].min()) if best.certainties is not None and places else np.nan
+        most, alike, nested = max(expected, 0.0), False, False
+        if expected < NEEDED_EVIDENCE:
+            most = least[ways[0]]
+            most = max(expected, _most(search, ways, every, whole)) if most >= NEEDED_EVIDENCE else most
+            nested = bool(most < NEEDED_EVIDENCE) and _kin(bench.contenders[i], bench.contenders[j])
+            alike = bool(most < NEEDED_EVIDENCE) and not nested
+        else:
+            margins = [bench.margin(p, shown, theta) for p in ways for shown, theta in drawn[p[0]]]
+            expected = max(min(expected, *margins), 0.0) if margins else expected
+        so_far = abs(float(first[i] - first[j]))
+        found.append(PlanText((names[i], names[j]), expected, seen, so_far, most, alike, nested))
+    return found
+
+
+def _records(search: CommandSearch, u: Array, i: int) -> list[tuple[PreparedSegment, Array]]:
+    """Return what machines drawn from a rival's estimate would show of a command, with noise, and their coordinates."""
+    bench, g = search.bench, np.random.default_rng((search.seed, i))
+    found = list[tuple[PreparedSegment, Array]]()
+    for theta in bench.contenders[i].drawn(g, MACHINES_DRAWN):
+        run = bench.run(i, search.t, u, theta)
+        if run is not None:
+            clean = bench.segment(i, run, theta)
+            noise = bench.problem.noise * g.standard_normal(clean.y.shape)
+            found.append((replace(clean, y=np.ascontiguousarray(clean.y + noise)), theta))
+    return found
+
+
+def _kin(a: Contender, b: Contender) -> bool:
+    """Tell whether one rival contains the other: it has more effects, or is a richer law of one family."""
+    if set(a.effects) < set(b.effects) or set(b.effects) < set(a.effects):
+        return True
+    if len(a.effects) != 1 or len(b.effects) != 1:
+        return False
+    first, second = a.effects[0], b.effects[0]
+    if overlap(first, second):
+        return True
+    families = [EFFECTS[name].family for name in (first, second)]
+    return bool(families[0]) and families[0] == families[1] and a.theta.size != b.theta.size
+
+
+def _expected(search: CommandSearch, u: Array, pair: Pair) -> float:
+    """Return the smallest distance from a rival's estimate or one of its sigma points, the other one refitted from its
+    estimate and from its sigma points.
+    """
+    bench, (i, j), values = search.bench, pair, list[float]()
+    for theta in (bench.contenders[i].theta, *bench.contenders[i].sigma_points[:SIGMA_POINTS]):
+        run = bench.run(i, search.t, u, theta)
+        if run is not None:
+            values.append(search.distance(j, bench.segment(i, run, theta)))
+    return min(values, default=0.0)
+
+
+def _most(search: CommandSearch, ways: Sequence[Pair], every: Sequence[Pair], whole: Sequence[CommandTrial]) -> float:
+    """Return the largest real distance of two rivals over the commands of the largest linear ones."""
+    places = [k for k, p in enumerate(every) if p in ways]
+    near = sorted(whole, key=lambda one: -float(one.linear[places].min()))[:LARGEST_REFITTED]
+    return max((min(_real(search.bench, search.t, one.u, p) for p in ways) for one in near), default=0.0)
+
+
+def _real(bench: RivalBench, t: Array, u: Array, pair: Pair) -> float:
+    run = bench.run(pair[0], t, u)
+    cost = LOST if run is None else bench.refitted(pair[1], bench.segment(pair[0], run))[0]
+    return 0.0 if cost >= LOST else cost
+
+
+__all__ = ["promised"]
