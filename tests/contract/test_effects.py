@@ -53,7 +53,12 @@ def points(model, count=12, factor=1.0):
 
 
 def test_every_file_of_an_effect_is_in_the_catalogue_once():
-    files = {path.stem for path in Path(inspect.getfile(Effect)).parent.glob("*.py")} - {"__init__", "base", "declared", "interest"}
+    files = {path.stem for path in Path(inspect.getfile(Effect)).parent.glob("*.py")} - {
+        "__init__",
+        "base",
+        "declared",
+        "interest",
+    }
     assert sorted(CATALOGUE) == sorted(files)
     assert [EFFECTS[name].__module__ for name in CATALOGUE] == [f"signlin_ros.effects.{name}" for name in CATALOGUE]
 
