@@ -30,8 +30,8 @@ MAX_SWING_RATIO = 1.15
 
 @dataclass(frozen=True, eq=False)
 class Dataset:
-    """The records as given or held out, what is fitted to (``problem``) and what is not (``unseen``);
-    ``told_hold``: how their inputs act, if that was found (`signlin_ros.diagnosis.input_hold`).
+    """The records as given or held out, prepared as ``training`` and ``validation`` data; ``told_hold``: how their
+    inputs act, if that was found (`signlin_ros.diagnosis.input_hold`).
     """
 
     records: tuple[ModelData, ...]

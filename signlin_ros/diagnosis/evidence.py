@@ -45,8 +45,11 @@ def equation_error_of(c: Dataset, criteria: Criteria, progress: Progress) -> Equ
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What both estimates measure of a model: ``force`` None where forces do not tell; ``contradicted``: the base as
-    the motion alone would have it, where the forces contradict that (`grounded`). Fits are kept in ``cache``.
+    """What both estimates measure of a model.
+
+    ``equation_error``: None where the signals that the forces depend on are not recorded; ``contradicted``: the base
+    model as the output error alone has it, where the forces contradict that (`grounded`). Squared forces are in N² or
+    (N·m)², means over blocks of validation data.
     """
 
     dataset: Dataset
@@ -101,12 +104,12 @@ class Evidence:
 
     @property
     def unseen_by_force(self) -> set[str]:
-        """The effects that the equation-error estimate cannot see."""
+        """The effects that act on no force, or on none that was recorded."""
         return {n for n in EFFECTS if self.equation_error is None or n not in self.equation_error.laws}
 
     @property
     def single_effect_fits(self) -> list[FittedModel]:
-        """What was fitted out with one effect."""
+        """The fits of one effect that were weighed."""
         return [f for f in self.cache.weighed if len(f.effects) == 1]
 
     @property
@@ -118,7 +121,7 @@ class Evidence:
     # ------------------------------------------------------------ the force that a model leaves
 
     def effects_in_force(self, f: FittedModel) -> frozenset[str]:
-        """Return the effects that bear on the force: where the current is measured, those of the voltage do not."""
+        """Return the effects that act on the force: where the current is measured, those of the voltage do not."""
         current = self.equation_error is not None and self.equation_error.regression.current
         own = {n: find_effect(n, "effects") for n in f.effects}
         only = {n for n, e in own.items() if _has(e, "input", "delay") and not _has(e, "force", "torque_constant")}
@@ -147,9 +150,7 @@ class Evidence:
         return pieces[0].position_measured or not depends_on_place(f.model.structure)
 
     def force_mse_as_written(self, f: FittedModel) -> Array | None:
-        """Return the mean squared force (blocks,) left of validation data, with the values in the model; None: not
-        told.
-        """
+        """Return the mean squared force residual (blocks,) of a model with its own values; None: not comparable."""
         if self.equation_error is None or not self.force_comparable(f):
             return None
         known = self.cache.force_mse
@@ -158,7 +159,7 @@ class Evidence:
         return known[f]
 
     def force_mse(self, f: FittedModel) -> Array | None:
-        """Return the same with the values of the motion or of the force, whichever leave less: the best of a set."""
+        """Return the same (blocks,) with the parameters of the output or the equation error, whichever leave less."""
         left = self.force_mse_as_written(f)
         if left is None or self.equation_error is None:
             return None
@@ -167,21 +168,19 @@ class Evidence:
         return self.equation_error.validation.mse_by_block(own.validation_residual) if own and better else left
 
     def percent_of_effort(self, left: Array | float | None) -> float | None:
-        """Return mean squared forces (blocks,) in per cent of the effort (RMS)."""
+        """Return a mean squared force (blocks,) as RMS in per cent of the RMS effort."""
         if left is None or self.equation_error is None:
             return None
         return 100.0 * float(np.sqrt(np.mean(left))) / max(self.equation_error.validation.effort, MIN_DIVISOR)
 
     @cached_property
     def force_finds_nothing(self) -> bool:
-        """Whether the equation-error estimate names nothing, and sees nothing: it is asked of nothing that leaves
-        noise.
-        """
+        """Whether the equation error names no law and its residual is within the noise."""
         return self.equation_error is not None and not self.equation_error.effects and not self.force_shows(self.base)
 
     @property
     def force_noise_mse(self) -> float:
-        """Mean square of what the sensors' noise leaves of a force."""
+        """Mean square of the force residual that the sensors' noise alone leaves; inf without equation error."""
         return np.inf if self.equation_error is None else self.equation_error.validation.noise_mse
 
     @property
@@ -197,12 +196,12 @@ class Evidence:
         return "of the inertial force" if free else "of the effort"
 
     def force_shows(self, f: FittedModel) -> bool:
-        """Tell whether the equation-error estimate can tell what is in the force that a model leaves."""
+        """Tell whether the force residual of a model is well above its noise floor (`min_force_over_noise`)."""
         left = self.force_mse(f)
         return left is not None and float(np.mean(left)) > self.criteria.min_force_over_noise**2 * self.force_noise_mse
 
     def share_left(self, left: Array | None) -> float | None:
-        """Return the part of the base model's squared force, beyond the sensors' noise, that is left (blocks,)."""
+        """Return a mean squared force (blocks,) as a share of the base model's, both beyond the noise floor."""
         before = self.force_mse(self.base)
         if left is None or before is None:
             return None
@@ -211,17 +210,17 @@ class Evidence:
         )
 
     def explains_force(self, f: FittedModel) -> bool:
-        """Tell whether a model takes away most of a missing force that is seen."""
+        """Tell whether a model takes away most of a force residual that is above the noise."""
         part = self.share_left(self.force_mse(f))
         return part is not None and self.force_shows(f) and part <= self.criteria.max_force_mse_left
 
     def force_falls(self, before: FittedModel, after: FittedModel) -> bool:
-        """Tell whether a model leaves surely less force than another one, if forces tell."""
+        """Tell whether the force residual surely falls between two models; true where it cannot be compared."""
         a, b = self.force_mse(before), self.force_mse(after)
         return a is None or b is None or mean_t_ratio(a, b) >= self.criteria.min_t
 
     def force_rises(self, before: FittedModel, after: FittedModel) -> bool:
-        """Tell whether a model leaves more force than another one, beyond doubt, and more than the sensors' noise."""
+        """Tell whether the force residual surely rises between two models, so that it shows, above the noise."""
         a, b = self.force_mse(before), self.force_mse(after)
         if a is None or b is None:
             return False
@@ -229,8 +228,9 @@ class Evidence:
         return float(np.mean(b)) > max(alike, self.force_noise_mse) and mean_t_ratio(a, b) < -self.criteria.tie_t
 
     def with_better_values(self, f: FittedModel) -> FittedModel:
-        """Return the best model with some effects, with the motion's values, right near the noise, or those of the
-        force, where these leave less force beyond doubt, less of both, and no channel errs more.
+        """Return the best model with the same effects: with the parameters of the output error, or of the equation
+        error where these surely leave less force, less of both measures together, and no channel errs more. Near the
+        sensors' noise the output error is right.
         """
         motion, force, best = self.output_error, self.equation_error, self.output_error.best(f)
         if force is None or self.near_noise(best) or not (f.effects and self.force_comparable(f)):
@@ -296,7 +296,9 @@ class Evidence:
     # ------------------------------------------------------------ what counts as noise of the motion
 
     def residual_is_noise(self, f: FittedModel) -> bool:
-        """Tell whether a model leaves but noise: of a load that floats, and is held by a filter, over windows too."""
+        """Tell whether the residual is white; of a load that floats and is held by a filter, the windowed error near
+        the noise, too.
+        """
         return f.white and (not _floats(f) or self.near_noise(f))
 
     def near_noise(self, f: FittedModel) -> bool:

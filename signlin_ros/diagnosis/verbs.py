@@ -1,4 +1,4 @@
-"""`diagnose`, `add` and `refine`: the chapters of docs/decisions/0006 in their order."""
+"""`diagnose`, `add` and `refine`: data, both estimates, selection, verdict and report follow each other here."""
 
 from __future__ import annotations
 

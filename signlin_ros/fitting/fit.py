@@ -27,7 +27,10 @@ MAX_DAMPING, ENDLESS = 1e9, 1e100
 
 @dataclass(frozen=True)
 class Fit:
-    """A fitted candidate: coordinates, objective, innovations, and half the objective's curvature and slope there."""
+    """A fitted candidate: coordinates ``theta`` (n,), ``objective`` (-2 log likelihood with priors), ``count``
+    (channels,) of samples, ``innovations`` (T, channels) by segment, and half the objective's ``hessian`` (n, n) and
+    ``gradient`` (n,) there.
+    """
 
     candidate: Candidate
     theta: Array

@@ -45,8 +45,8 @@ class EquationErrorResult:
     ``regression``: both data, base parameters and laws; ``sets``: the best fit of every set of laws that was fitted, by
     their names; ``base``: of none; ``fit``: the chosen set; ``sound``: the sets of which every law is needed;
     ``helpful``: laws that take away some of the force residual, alone or beside others; ``waves``: orders that the
-    records can tell; ``flexible``: what a flexible curve takes away beside the chosen set; by its effects, ``beside``:
-    sets with another law in the place of one, and ``ties``: those that are as good.
+    records can tell; ``flexible``: what a flexible curve takes away beside the chosen set; by its effects,
+    ``replacements``: sets with another law in the place of one, and ``ties``: those that are as good.
     """
 
     regression: Regression

@@ -1,4 +1,4 @@
-"""The missing force of records as a regression: base parameters within their tolerances, laws beside them.
+"""The force residual as a regression: base parameters within their tolerances, laws beside them.
 
 theta = argmin |y - X theta|^2 + sum ((theta_i - 0) / spread_i)^2 s^2, with s the size of what is left; base parameters
 count by their relative change, effort and motion may be stamped apart by half a sample. Standard errors are those of
@@ -62,7 +62,8 @@ def base_of(model: Model, current: bool) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class RegressionData:
-    """The records of one side, fitted or unseen, stacked: y (K,), base columns X (K, b), block of each sample (K,).
+    """Training or validation records, stacked: force residual y (K,) in N or N·m, base columns X (K, b), the force per
+    relative change of each parameter; block of each sample (K,).
 
     ``effort``: RMS of what drives, that forces are compared with; of the inertial force where nothing does (``free``).
     """
@@ -91,7 +92,7 @@ class RegressionData:
 
     @property
     def noise_mse(self) -> float:
-        """Mean square of what the sensors' noise makes of a force."""
+        """Mean square of the force residual that the sensors' noise alone makes, in N² or (N·m)²."""
         return float(np.mean([p.noise**2 for p in self.pieces]))
 
     @property
@@ -123,8 +124,9 @@ def _rows(model: Model, piece: ForceSegment, moved: Iterable[str]) -> tuple[Arra
 
 @dataclass(frozen=True, eq=False)
 class RegressionFit:
-    """A set of laws fitted: coefficients (n,) of base (b of them) and laws, and what is left (K,) of the data that they
-    were fitted to; what that leaves of validation data, and the covariance, are worked out when somebody asks.
+    """A fitted set of laws: coefficients ``theta`` (n,), b of the base (relative changes) and those of the laws in
+    their own units; ``training_residual`` (K,) in N or N·m; ``n_parameters``: free ones of the laws. Validation
+    residual and covariance are computed at their first use.
     """
 
     members: tuple[Member, ...]
@@ -137,7 +139,7 @@ class RegressionFit:
 
     @functools.cached_property
     def validation_residual(self) -> Array:
-        """What is left (K,) of validation data."""
+        """Residual (K,) of validation data in N or N·m."""
         return self._validation_residual()
 
     @functools.cached_property
@@ -157,12 +159,12 @@ class RegressionFit:
 
     @functools.cached_property
     def training_mse(self) -> float:
-        """Mean square of what is left of the data that it was fitted to."""
+        """Mean square of the training residual."""
         return float(np.mean(self.training_residual**2))
 
     @functools.cached_property
     def validation_mse(self) -> float:
-        """Mean square of what is left of validation data."""
+        """Mean square of the validation residual."""
         return float(np.mean(self.validation_residual**2))
 
 
@@ -170,7 +172,7 @@ class RegressionFit:
 class Regression:
     """Records, the laws that may be missing, and how sets of laws are fitted to them.
 
-    ``names`` of the base columns, and the standard deviations ``spread`` (b,) of their coefficients known beforehand;
+    ``names`` of the base columns, and the prior standard deviations ``prior_std`` (b,) of their coefficients;
     ``current``: whether a motor's current is measured.
     """
 
@@ -189,7 +191,7 @@ class Regression:
         return len(self.names)
 
     def fitted(self, members: Sequence[Member]) -> RegressionFit:
-        """Return the least-squares fit of a set of laws on the known side, and what it leaves of both."""
+        """Return the least-squares fit of a set of laws to the training data."""
         members = tuple(members)
         X = self._matrix(self.training, members)
         spread, floor, ceiling = (np.full(X.shape[1], value) for value in (np.inf, -np.inf, np.inf))
@@ -224,7 +226,7 @@ class Regression:
         return np.hstack([side.X, *(side.columns(self.laws[n], z) for n, z in members)])
 
     def surely(self, a: RegressionFit, b: RegressionFit) -> float:
-        """Return by how many standard errors a is better than b on validation data, by blocks of time."""
+        """Return the t ratio by which a leaves less than b of validation data, over blocks of time."""
         first, second = (np.bincount(self.validation.blocks, f.validation_residual**2).astype(float) for f in (a, b))
         return mean_t_ratio(second, first)
 

@@ -72,7 +72,9 @@ class Subsets:
         return found
 
     def best(self, count: int, size: float) -> list[tuple[Member, ...]]:
-        """Return the best sets of ``count`` members, one for each set of laws, the best first; ``size``: see `left`."""
+        """Return the best sets of ``count`` members, one for each set of laws, the best first; ``size``: see
+        `squared_error`.
+        """
         return [tuple(self.members[j] for j in row) for row in self._best(count, size)]
 
     def _best(self, count: int, size: float) -> Sets:

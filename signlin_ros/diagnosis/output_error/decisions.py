@@ -1,6 +1,4 @@
-"""Is one fit of the output-error estimate a step beyond another? By errors of validation data, and by its own
-parameters.
-"""
+"""Whether one fit of the output-error estimate improves on another: by the validation error, and by its parameters."""
 
 from __future__ import annotations
 
@@ -28,18 +26,18 @@ SLOWEST_SHARE = 0.1
 
 
 class Decisions:
-    """What decides between fits of an estimate with `problem` (training data), `unseen` ones and `criteria`."""
+    """Comparisons of fitted models on training and validation data, by some criteria."""
 
     training: Problem
     validation: Problem
     criteria: Criteria
 
     def best(self, f: FittedModel) -> FittedModel:
-        """Return the best fit of a model that is known by now."""
+        """Return the best fit known of a model's set of effects; it may be better than the one given, and change."""
         raise NotImplementedError
 
     def improvement(self, before: FittedModel, after: FittedModel) -> Improvement:
-        """Return the gain of one model beyond another on validation data."""
+        """Return the improvement from one model to another on validation data."""
         return improvement(self.best(before).validation_squares, after.validation_squares, self.validation.noise)
 
     def t_ratio(self, before: FittedModel, after: FittedModel) -> float:
@@ -66,7 +64,7 @@ class Decisions:
         return max(blocks, float(np.hypot(first, second))) if min(first, second) > c.min_validation_t else blocks
 
     def refusal(self, before: FittedModel, after: FittedModel) -> str:
-        """Return why a model is no step beyond another, empty if it is one.
+        """Return why a model does not improve on another, in words; empty where it does.
 
         Base parameters that were bent to imitate an effect, and are free with it, count as much as the error: both are
         squares of standard errors. Not where the error rises for it so that it shows.
@@ -95,9 +93,10 @@ class Decisions:
         return after.residual_is_noise and not before.white and not there and after.log_mse < before.log_mse
 
     def _not_identifiable(self, f: FittedModel) -> str:
-        """Return which force has no shape of its own where the records were: a limit that was always passed; unless all
-        that is left was tested, and is its sensors' noise, also a zero beyond all that a motion of unknown place went
-        through, or a wave of too few periods.
+        """Return which force the records cannot identify, in words; empty where none.
+
+        A limit that was always passed; a wave too fast for the samples; and, unless the residual is tested noise, a
+        zero beyond the travel of an unmeasured position, or a wave of too few periods.
         """
         for key, use in f.added.items():
             if not EFFECTS[use.type].is_met(use.parameters, *self.training.position_range):
@@ -110,8 +109,8 @@ class Decisions:
         return self._beyond_travel(f) or next((phrases.few_waves(key, n) for key, n in few.items()), "")
 
     def _beyond_travel(self, f: FittedModel) -> str:
-        """Return how far from its zero a force over a position that nobody measured starts, if records never go as
-        far: any load is one then.
+        """Return where the zero of a force over an unmeasured position would be, in words, if no record goes there:
+        any load is such a force.
         """
         problem, place = self.training, self.training.plant.position
         steady = any(EFFECTS[use.type].periodic for use in f.added.values())
@@ -138,7 +137,7 @@ class Decisions:
         return float(np.quantile(every, SLOWEST_SHARE)) if every.size else 0.0
 
     def _undersampled_wave(self, f: FittedModel) -> str:
-        """Return which wave over the position passes too fast for the samples: they show another one of it."""
+        """Return which wave over the position is undersampled, in words; empty where none is."""
         step = self.training.scale.step
         orders = {k: use.parameters[n] for k, use in f.added.items() for n in EFFECTS[use.type].periodic[:1]}
         quick = [key for key, order in orders.items() if np.max(order) * self._slow * step > np.pi]

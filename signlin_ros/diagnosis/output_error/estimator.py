@@ -1,5 +1,5 @@
-"""The output-error estimate: models simulated with an observer, fitted to training data, judged by windows of unseen
-ones.
+"""The output-error estimate: models simulated with an observer, fitted to training data, and their errors over windows
+of validation data.
 """
 
 from __future__ import annotations
@@ -9,68 +9,51 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.output_error.cache import FitCache
-from signlin_ros.diagnosis.output_error.decisions import Decisions
-from signlin_ros.diagnosis.output_error.fitted import FittedModel, coordinates_of, covariances, estimates
+from signlin_ros.diagnosis.output_error.fitted import FittedModel
 from signlin_ros.diagnosis.output_error.fitting import (
     MAX_STARTS,
-    MIDDLE_STEPS,
     ON,
-    Minimum,
     cheapest,
     cross_entropy_fit,
-    fit_over_gains,
-    likelihood_t,
     multi_start_fit,
     screened,
     window_squares,
 )
-from signlin_ros.diagnosis.output_error.residual import residual_tests
-from signlin_ros.diagnosis.output_error.score import log_mse
+from signlin_ros.diagnosis.output_error.minima import Minima
 from signlin_ros.diagnosis.output_error.trials import CandidateParts, Trial, completed, rescanned, trials, tryable
 from signlin_ros.diagnosis.progress import Progress
 from signlin_ros.diagnosis.wording import phrases
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import SimulationError
 from signlin_ros.fitting.candidate import Candidate, candidate
-from signlin_ros.fitting.fit import Fit, fit, with_positive_amplitudes
+from signlin_ros.fitting.fit import Fit, fit
 from signlin_ros.fitting.prepare import stretched
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.follow.data import unit_asked
 from signlin_ros.model import Model
 from signlin_ros.model.numbers import numbers
-from signlin_ros.threads import side_by_side
 
 BEAM = 2
 """How many single effects a search tries with every other one where none is enough by itself."""
 
 Array = NDArray[np.float64]
-T = TypeVar("T")
-R = TypeVar("R")
 
 
 @dataclass(frozen=True, eq=False)
-class OutputErrorEstimator(Decisions):
+class OutputErrorEstimator(Minima):
     """Fits of a model, with effects added, to the training data, and their errors on the validation data.
 
-    ``problem``, ``unseen``: both, prepared; ``short``: what is fitted to, stretches where records are long. ``cache``:
-    the memo of all fits, with that of the base model (`estimator_of`). ``starts``: values by effect that the
-    equation-error estimate found, one by one; ``jobs``: threads.
+    ``starts``: values by effect that the equation-error estimate found, one by one; ``base_unfitted``: the model as
+    given, where the base has held parameters. The ``cache`` holds the fit of the base model from the beginning
+    (`estimator_of`). Other fields: `Minima`.
     """
 
-    training: Problem
-    validation: Problem
-    short: Problem
-    criteria: Criteria
-    cache: FitCache
-    progress: Progress = field(default_factory=Progress)
-    jobs: int = 1
     starts: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     base_unfitted: FittedModel | None = None
 
@@ -90,20 +73,11 @@ class OutputErrorEstimator(Decisions):
         return estimator_of(known, unseen, self.criteria, FitCache(), watched, self.jobs)
 
     def referring_to_given(self) -> OutputErrorEstimator:
-        """Return the same estimate with the model as given for the best of its class."""
+        """Return the same estimate with the model as given in the place of the fitted base."""
         base = self.without_fit(self.unfitted.model)
         return replace(self, cache=replace(self.cache, best={**self.cache.best, (): base}))
 
-    def in_parallel(self, do: Callable[[T], R], items: Sequence[T]) -> list[R]:
-        """Do a thing to each, side by side."""
-        return side_by_side(do, items, self.jobs)
-
     # ------------------------------------------------------------ fits
-
-    @property
-    def base(self) -> FittedModel:
-        """The best fit of the model as given."""
-        return self.cache.best[()]
 
     @property
     def own_values(self) -> dict[str, dict[str, float]]:
@@ -123,53 +97,6 @@ class OutputErrorEstimator(Decisions):
     def candidates(self) -> frozenset[str]:
         """The effects that can be tried by themselves on these records."""
         return frozenset(n for n in EFFECTS if tryable(self.training, n))
-
-    def best(self, f: FittedModel) -> FittedModel:
-        """Return the best fit of a model that is known by now: a larger one may have shown the way out of a minimum."""
-        return self.cache.best[f.kind]
-
-    def _over_gains(self, c: Candidate, *starts: Array | None) -> Minimum | None:
-        return fit_over_gains(self.short, c, starts, self.progress.check)
-
-    def _keep(self, found: Minimum) -> FittedModel:
-        """Return a fit with all that is told of it, or the best of its class, if that is another one."""
-        mine = self._fitted_model(found.fit, found.low)
-        known = self.cache.best.get(mine.kind)
-        if known is None or self._preferred(mine, known):
-            self.cache.best[mine.kind] = mine
-            self.progress.seen(mine)
-        return self.cache.best[mine.kind]
-
-    def _fitted_model(self, f: Fit, low: Fit) -> FittedModel:
-        """Return a fit with all that is told of it: errors are `window_squares`, what is left is that of ``low``."""
-        f = with_positive_amplitudes(f)
-        whole, errors, uses = CandidateParts.of(f).whole, covariances(self.short, f), f.candidate.model.effects
-        coordinates = coordinates_of(f, errors)
-        return FittedModel(
-            tuple(uses[k].type if k in uses else k.partition(".")[0] for k in f.candidate.label),
-            whole,
-            estimates(self.training, whole, coordinates),
-            *window_squares(self.training, self.validation, f.candidate, f.theta),
-            self.validation.noise,
-            f,
-            coordinates,
-            errors,
-            functools.partial(residual_tests, self.short, low, self.criteria),
-            functools.cache(functools.partial(likelihood_t, self.short, f, errors)),
-        )
-
-    def _errs_less(self, one: FittedModel, other: FittedModel) -> bool:
-        """Tell whether a fit errs less than another one on the training data."""
-        return log_mse(one.training_squares, self.training.noise) < log_mse(other.training_squares, self.training.noise)
-
-    def _preferred(self, mine: FittedModel, known: FittedModel) -> bool:
-        """Tell whether a fit takes the place of another of its class: it errs less on what both were fitted to, or has
-        the values of a real thing, unlike that one, and errs not surely more.
-        """
-        noise = self.training.noise
-        falls = log_mse(known.training_squares, noise) - log_mse(mine.training_squares, noise)
-        real = bool(known.implausible) - bool(mine.implausible)
-        return falls + real * self.criteria.min_t**2 / self.training.samples > 0.0
 
     def fitted(self, effects: Sequence[str], start: Model | None = None) -> FittedModel:
         """Return the best fit of these effects beside the base parameters: from the values of ``start``, if it has all
@@ -201,11 +128,6 @@ class OutputErrorEstimator(Decisions):
         c = candidate(replace(self.training, base=model), model, ())
         squares, unseen = window_squares(self.training, self.validation, c, c.start(), as_it_is=True)
         return replace(self.base, effects=effects, model=model, training_squares=squares, validation_squares=unseen)
-
-    def objective_nearby(self, c: Candidate, theta: Array) -> float:
-        """Return -2 log likelihood of the training data a few steps from some coordinates; inf where it diverges."""
-        f = fit(self.short, c, self.training.observer_gains[1], theta, MIDDLE_STEPS)
-        return f.objective if f else np.inf
 
     def _fitted_from_values(self, effects: Sequence[str], start: Model) -> FittedModel | None:
         """Return the fit of effects from the values of a model that has them all, its base parameters too."""
@@ -244,17 +166,6 @@ class OutputErrorEstimator(Decisions):
         c = parts.candidate(self.training)
         return c, c.start(numbers(start))
 
-    def _held(self, c: Candidate, theta: Array, found: Minimum | None) -> Minimum | None:
-        """Return a candidate fitted from given values with the quickest observer: a slower one lets a motion slip from
-        one wave to the next. None where what was ``found`` without it is as good.
-        """
-        tried = (fit(self.short, c, self.training.observer_gains[0], theta, steps) for steps in (0, MIDDLE_STEPS))
-        held = min((Minimum.of(self.short, f, f) for f in tried if f), key=attrgetter("log_mse"), default=None)
-        if held is None or (found and found.log_mse <= held.log_mse):
-            return None
-        low = fit(self.short, c, self.training.observer_gains[-1], held.fit.theta, MIDDLE_STEPS)
-        return replace(held, low=cheapest([low, found.low if found else None]) or held.fit)
-
     def _with(self, now: FittedModel, options: Sequence[Trial]) -> FittedModel:
         """Return a fit with one effect more, the best of some trials (of a sensor there is one for each channel)."""
         best = cheapest(self.in_parallel(lambda t: self._multi_start(now.fit, t), options))
@@ -276,82 +187,6 @@ class OutputErrorEstimator(Decisions):
                 before, trial, MAX_STARTS if trial.effect.rugged else len(trial.starts), ON
             )
         return self.cache.multi_start[key]
-
-    def _all_finished(self, of: FittedModel, fits: Sequence[Fit]) -> list[FittedModel]:
-        """Return promising fits gone on with to the end, also from the base parameters of what they extend, and that
-        one from where they arrived: each is then the best of its class. What is kept of one bears on the next, so that
-        is done in order: no answer depends on which of several was done first.
-        """
-
-        def finished(f: Fit) -> Minimum | None:
-            found = self._over_gains(f.candidate, f.theta, f.candidate.start({**f.parameters(), **of.fit.parameters()}))
-            return self._descended(found) if found else None
-
-        return [self._with_submodels(found) for found in self.in_parallel(finished, fits) if found]
-
-    def _descended(self, found: Minimum) -> Minimum:
-        """Return a fit, or a better one that its last effect leads to from near where it arrived, and so on."""
-        f = found.fit
-        key = next(reversed(f.candidate.label), "")
-        use = f.fitted().effects.get(key)
-        near = EFFECTS[use.type].nearby(use.parameters) if use else []
-        if not use or not near:
-            return found
-        points = [completed(self.training, EFFECTS[use.type], p) for p in near]
-        parts = CandidateParts.of(f).without(key)
-        candidates = [parts.extended(use.type, point).candidate(self.training) for point in points]
-        plain = {n: v for n, v in f.parameters().items() if not n.startswith(f"{key}.")}
-        starts = [(c, c.start(plain)) for c in candidates]
-        if not EFFECTS[use.type].plausible(use.parameters):
-            return self._physical(found, starts)
-        again = self._lower_minimum(f, starts)
-        return self._descended(again) if again and again.log_mse < found.log_mse else found
-
-    def _physical(self, found: Minimum, starts: Sequence[tuple[Candidate, Array]]) -> Minimum:
-        """Return the best of some starts gone on with to the end, where that errs less than a fit, or not surely more
-        with the values of a real thing: one law may imitate another with values that it has not.
-        """
-        every = [one for one in self.in_parallel(lambda start: self._over_gains(*start), starts) if one]
-        best = min(every, key=attrgetter("log_mse"), default=found)
-        use = best.fit.fitted().effects[next(reversed(best.fit.candidate.label))]
-        margin = self.criteria.min_t**2 / self.short.samples
-        real = EFFECTS[use.type].plausible(use.parameters)
-        return best if best.log_mse < found.log_mse + (margin if real else 0.0) else found
-
-    def _with_submodels(self, found: Minimum) -> FittedModel:
-        """Keep a fit, and fit those that lack one of its effects from where it arrived, if that leads further down; and
-        it from one of these that is better without the effect: a larger model follows what it was fitted to as well.
-        """
-        mine, c = self._keep(found), found.fit.candidate
-        for other in list(self.cache.best.values()):
-            one = other.fit.candidate
-            if not set(one.label) < set(c.label) or len(c.label) != len(one.label) + 1:
-                continue
-            again = self._lower_minimum(other.fit, self._smaller(found.fit, one))
-            best = self._keep(self._descended(again)) if again else other
-            if self._errs_less(best, mine):
-                better = self._lower_minimum(found.fit, [(c, c.as_without(best.fit.parameters(), best.kind))])
-                mine = self._keep(self._descended(better)) if better else mine
-        return mine
-
-    def _smaller(self, f: Fit, c: Candidate) -> list[tuple[Candidate, Array]]:
-        """Return where a candidate that lacks one of a fit's effects starts from that fit: with its orders of waves,
-        too, which are no coordinates.
-        """
-        points = [c]
-        extra = [key for key in f.candidate.label if key not in c.label and key in f.candidate.model.effects]
-        if any(EFFECTS[use.type].periodic for key, use in c.model.effects.items() if key in c.label):
-            points += [CandidateParts.of(f).without(key).candidate(self.training) for key in extra]
-        return [(one, one.start(f.parameters())) for one in points]
-
-    def _lower_minimum(self, f: Fit, points: Sequence[tuple[Candidate, Array]]) -> Minimum | None:
-        """Return the best of some points gone on with to the end, if a few steps lead further down than from a fit."""
-        middle, starts = self.training.observer_gains[1], [(c.apart(), x) for c, x in ((f.candidate, f.theta), *points)]
-        here, *there = self.in_parallel(lambda one: fit(self.short, one[0], middle, one[1], MIDDLE_STEPS), starts)
-        best = cheapest(there)
-        if best is None or (here and best.objective > here.objective - 1.0):
-            return None
-        return self._over_gains(best.candidate, best.theta)
 
     # ------------------------------------------------------------ one effect more
 
@@ -467,7 +302,7 @@ def estimator_of(
 ) -> OutputErrorEstimator:
     """Fit the base model into a cache, and return the estimator of what may be added to it.
 
-    ``problem``, ``unseen``: training and validation data; ``jobs``: threads, by default one for each of two processors.
+    ``problem``, ``unseen``: training and validation data, prepared; ``jobs``: threads, 2 by default.
     Raises `SimulationError` where the base model diverges on the training data.
     """
     watched = progress or Progress()

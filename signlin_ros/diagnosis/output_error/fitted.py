@@ -1,4 +1,4 @@
-"""A fitted model as the judge sees it: parameters with honest standard errors, errors on seen and validation data."""
+"""A fitted model: parameters with standard errors, and its errors on training and validation data."""
 
 from __future__ import annotations
 
@@ -87,9 +87,10 @@ class FittedModel:
 
     ``effects``: names added to the model as given; ``model``: the whole of it; ``parameters`` by name (``c``,
     ``coulomb_friction.mu``, ``sensor_offset.speed``). ``training_squares``, ``validation_squares`` (blocks, channels):
-    mean squared errors of windows, in blocks that are the same for all models, NaN where nothing is measured; ``noise``
-    (channels) of validation data. ``known``: coordinates of the ``fit``; ``covariances`` (n, n): as of white noise, and
-    robust. ``look`` finds what is `left`, ``apart`` how many standard errors coordinates are from nothing (`without`).
+    mean squared errors of windows in the channels' units squared, in blocks that are the same for all models, NaN where
+    nothing is measured; ``noise`` (channels,): standard deviations of validation data. ``coordinates`` (n,) of the
+    ``fit``; ``covariances`` (n, n): as of white noise, and robust. ``test_residual`` simulates once for
+    `residual_tests`; ``likelihood_t`` gives the standard errors by which coordinates differ from zero.
     """
 
     effects: tuple[str, ...]
@@ -106,7 +107,7 @@ class FittedModel:
 
     @cached_property
     def residual_tests(self) -> tuple[ResidualStructure, ...]:
-        """What the residual still shows, by channel."""
+        """Tests of the residual, by channel; simulates once."""
         return self.test_residual()
 
     @property
@@ -121,21 +122,21 @@ class FittedModel:
 
     @property
     def white(self) -> bool:
-        """Whether nothing is left but the noise of the sensors."""
+        """Whether no test finds structure in the residual; also where none could be made."""
         return not any(one.structured for one in self.residual_tests)
 
     def within_noise(self, times: float) -> bool:
-        """Tell whether every channel of validation data errs by less than so many times its sensor's noise."""
+        """Tell whether the validation RMSE of every channel is less than so many times its noise."""
         return bool(np.all(self.validation_rmse < times * self.noise))
 
     @property
     def residual_is_noise(self) -> bool:
-        """Whether nothing is left but noise, and samples are enough to tell: what cannot be tested is no proof."""
+        """Whether the residual is white, and samples were enough to test it."""
         return self.white and not any(np.isnan(one.dependent) for one in self.residual_tests)
 
     @property
     def log_mse(self) -> float:
-        """Sum over channels of the logarithms of the mean squared error on validation data, less being better."""
+        """Sum over channels of ln(MSE) of validation data, MSE in the channel's unit squared: less is better."""
         return log_mse(self.validation_squares, self.noise)
 
     @property
@@ -157,7 +158,7 @@ class FittedModel:
 
     @property
     def prior_deviations(self) -> dict[str, float]:
-        """By how many tolerances every base parameter is off its nominal value."""
+        """Deviation of every base parameter from its nominal value, in tolerances."""
         shared = (one for one in self.coordinates if not one.k.record)
         return {one.k.name: one.prior_deviation for one in shared if one.k.spread < np.inf and not one.key}
 

@@ -41,8 +41,8 @@ of a response that counts as nearly all of it."""
 
 @dataclass(frozen=True)
 class ResidualStructure:
-    """The residual of a channel: RMS in multiples of the sensor's noise, the share of its square that follows from the
-    model's motion (NaN: too few samples to tell), whether it is more than noise, and how many samples go together.
+    """Tests of a channel's residual: RMS in multiples of the sensor's noise, the share of its square that follows from
+    the model's motion (NaN: too few samples to tell), whether it has structure, and how many samples are correlated.
     """
 
     channel: str
@@ -53,7 +53,7 @@ class ResidualStructure:
 
 
 def residual_tests(problem: Problem, f: Fit, criteria: Criteria) -> tuple[ResidualStructure, ...]:
-    """Return the structure of a fit's residual by channel, with the slowest observer: others keep on its track."""
+    """Return tests of a fit's residual by channel under the slowest observer: a quick one hides what is missing."""
     lowest = problem.observer_gains[-1]
     slow = f if f.gains is lowest else fit(problem, f.candidate, lowest, f.theta, 0)
     f, lost, result = slow or f, slow is None, []

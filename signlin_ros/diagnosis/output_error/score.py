@@ -33,8 +33,9 @@ MAX_LOG_GAIN = float(np.log(4.0))
 
 @dataclass(frozen=True)
 class Improvement:
-    """What one model explains beyond another: standard errors, the largest share that a channel's squared error beyond
-    the noise falls by, and by channel the standard errors and the ratio of root mean squares.
+    """What one model explains beyond another: ``t_ratio`` of all channels together, ``mse_reduction``: the largest
+    share by which a channel's MSE beyond the noise falls, and by channel (channels,) the t ratios and the ratios of
+    RMSE.
     """
 
     t_ratio: float
