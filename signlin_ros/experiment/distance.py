@@ -115,6 +115,11 @@ class RivalBench:
             best = min(best, found, key=lambda one: one[0])
         return (best[0] if best[0] >= LOST else _compressed(best[0], s)), best[1]
 
+    def squares(self, j: int, s: PreparedSegment, theta: Array) -> float:
+        """Return the squares that a rival leaves of a record at some coordinates, in units of what a model leaves."""
+        found = self._followed(self.contenders[j], theta, s)
+        return LOST if found is None else float(found[0] @ found[0])
+
     def margin(self, pair: Pair, s: PreparedSegment, theta: Array) -> float:
         """Return -2 log likelihood of a noisy record by which the second rival of a pair is behind the first, the true
         one, of coordinates theta (n,): both refitted with what first records know, the variance unknown.

@@ -47,7 +47,11 @@ def promised(
         if expected < NEEDED_EVIDENCE:
             most = least[ways[0]]
             most = max(expected, _most(search, ways, every, whole)) if most >= NEEDED_EVIDENCE else most
-            nested = bool(most < NEEDED_EVIDENCE) and _kin(bench.contenders[i], bench.contenders[j])
+            nested = most < NEEDED_EVIDENCE and _kin(bench.contenders[i], bench.contenders[j])
+            way = richer(bench.contenders, i, j)
+            imitated = nested and way in least and not _idle(search, best.u, way)
+            if imitated and max(_expected(search, best.u, way), _most(search, [way], every, whole)) < NEEDED_EVIDENCE:
+                nested = False  # other parameters imitate what it adds, whichever the command: a symmetry
             alike = bool(most < NEEDED_EVIDENCE) and not nested
         else:
             margins = [bench.margin(p, shown, theta) for p in ways for shown, theta in drawn[p[0]]]
@@ -70,6 +74,12 @@ def _records(search: CommandSearch, u: Array, i: int) -> list[tuple[PreparedSegm
     return found
 
 
+def richer(contenders: Sequence[Contender], i: int, j: int) -> Pair:
+    """Return two rivals with that first which has all effects of the other and more; (-1, -1) where none has."""
+    a, b = set(contenders[i].effects), set(contenders[j].effects)
+    return (j, i) if a < b else (i, j) if b < a else (-1, -1)
+
+
 def _kin(a: Contender, b: Contender) -> bool:
     """Tell whether one rival contains the other: it has more effects, or is a richer law of one family."""
     if set(a.effects) < set(b.effects) or set(b.effects) < set(a.effects):
@@ -81,6 +91,18 @@ def _kin(a: Contender, b: Contender) -> bool:
         return True
     families = [EFFECTS[name].family for name in (first, second)]
     return bool(families[0]) and families[0] == families[1] and a.theta.size != b.theta.size
+
+
+def _idle(search: CommandSearch, u: Array, pair: Pair) -> bool:
+    """Tell whether what the first rival of a pair has beyond the second does nothing under a command, all else as it
+    is.
+    """
+    bench, (rich, simple) = search.bench, pair
+    own, other, run = bench.contenders[simple], bench.contenders[rich], bench.run(rich, search.t, u)
+    if run is None:
+        return True
+    theta = own.candidate.start(other.candidate.named(other.theta))
+    return bench.squares(simple, bench.segment(rich, run), theta) < NEEDED_EVIDENCE
 
 
 def _expected(search: CommandSearch, u: Array, pair: Pair) -> float:
@@ -108,4 +130,4 @@ def _real(bench: RivalBench, t: Array, u: Array, pair: Pair) -> float:
     return 0.0 if cost >= LOST else cost
 
 
-__all__ = ["promised"]
+__all__ = ["promised", "richer"]

@@ -14,6 +14,7 @@ from signlin_ros.experiment.contenders import Contender, contender
 from signlin_ros.experiment.distance import LOST, Pair, RivalBench
 from signlin_ros.experiment.families import COMMAND_FAMILIES
 from signlin_ros.experiment.plan import Remedy
+from signlin_ros.experiment.promise import richer
 from signlin_ros.experiment.search import NEEDED_EVIDENCE, CommandSearch
 from signlin_ros.fitting.problem import Problem, prepare
 from signlin_ros.model import Model
@@ -34,9 +35,12 @@ FASTER_SAMPLING, WIDER_LIMITS = 4, 2.0
 
 
 def remedies(search: CommandSearch, pair: Pair) -> list[Remedy]:
-    """Return what would tell two rivals apart, those that are enough, the largest distance first."""
+    """Return what would tell two rivals apart, those that are enough, the largest distance first: of one that has all
+    effects of the other and more, if it is true, since it loses nothing if it is not.
+    """
     i, j = sorted(pair)
     both = [(i, j), (j, i)]
+    both = [way for way in both if way == richer(search.bench.contenders, i, j)] or both
     names = (search.bench.contenders[i].name, search.bench.contenders[j].name)
     own = [k for k, p in enumerate(search.pairs) if set(p) == {i, j}]
     best = sorted(search.tried, key=lambda one: -float(one.linear[own].min(initial=np.inf)))[:REMEDY_COMMANDS]
@@ -57,6 +61,11 @@ def least(bench: RivalBench, both: Sequence[Pair], t: Array, u: Array) -> float:
     return min(values)
 
 
+def _among(ways: Sequence[Pair]) -> list[Pair]:
+    """Return ways of two rivals of a bench in a bench that holds nothing but the first way's two, in its order."""
+    return [(0, 1), (1, 0)][: len(ways)]
+
+
 def _channels(search: CommandSearch, both: Sequence[Pair], commands: Sequence[Array]) -> Iterator[tuple[str, float]]:
     """Yield every quantity that was not recorded, with the distance that it would add."""
     problem, bench = search.bench.problem, search.bench
@@ -72,7 +81,7 @@ def _channels(search: CommandSearch, both: Sequence[Pair], commands: Sequence[Ar
             if wider is not None:
                 yield (
                     f"record the {name} too (with noise of {100 * UNRECORDED_NOISE:g} %)",
-                    least(wider, [(0, 1), (1, 0)], search.t, u),
+                    least(wider, _among(both), search.t, u),
                 )
 
 
@@ -103,7 +112,7 @@ def _heavier(search: CommandSearch, both: Sequence[Pair], commands: Sequence[Arr
     more = float(f"{ADDED_INERTIA * inertia(base):.2g}")
     contenders = tuple(_loaded(bench.contenders[i], name, more) for i in both[0])
     heavier = replace(bench, contenders=contenders)
-    most = max((least(heavier, [(0, 1), (1, 0)], search.t, u) for u in commands), default=0.0)
+    most = max((least(heavier, _among(both), search.t, u) for u in commands), default=0.0)
     yield f"add a known inertia of {more:g} {base.units.get(name, 'kg·m²' if name == 'J' else 'kg')}", most
 
 
@@ -132,7 +141,7 @@ def _faster(search: CommandSearch, both: Sequence[Pair]) -> Iterator[tuple[str, 
         u = np.interp(t, search.t, one.u)
         finer = seen_with(search.bench, both[0], t, u, search.bench.problem.channels)
         if finer is not None:
-            yield f"sample every {1e3 * step:.3g} ms", least(finer, [(0, 1), (1, 0)], t, u)
+            yield f"sample every {1e3 * step:.3g} ms", least(finer, _among(both), t, u)
 
 
 def seen_with(
@@ -162,9 +171,18 @@ def seen_with(
 
 
 def _as_before(problem: Problem, old: Contender) -> Contender:
-    """Return a rival for other records, with what the first ones know of it."""
+    """Return a rival for other records, with what the first ones know of it: coordinates are in units of a record."""
     c = contender(problem, old.model_at(old.theta), old.effects, old.information)
-    return replace(c, theta=old.theta, size=old.size, told=old.told, minima=old.minima)
+    pairs = list(zip(c.candidate.coordinates, old.candidate.coordinates, strict=True))
+
+    def moved(theta: Array) -> Array:
+        return np.array([k.theta(before.value(float(x))) for (k, before), x in zip(pairs, theta, strict=True)])
+
+    theta = moved(old.theta)
+    units = c.candidate.slopes(theta) / old.candidate.slopes(old.theta)
+    information = old.information * np.outer(units, units)
+    minima = tuple(moved(one) for one in old.minima)
+    return replace(c, theta=theta, information=information, size=old.size, told=old.told, minima=minima)
 
 
 def sampled(bench: RivalBench, step: float) -> RivalBench:

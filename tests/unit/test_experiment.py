@@ -322,6 +322,46 @@ def test_a_weight_and_a_spring_are_alike_within_a_small_travel_and_the_remedy_is
     assert content["verdict"] == "enough"
 
 
+SYMMETRIC = [
+    (
+        "constant_load,input_offset",
+        {"coulomb_friction": {"mu": 0.02}},
+        {"input_offset": {"u0": -0.12}},
+        {"L_a": 0.0026},
+    ),
+    ("nothing,viscous_friction", {}, {"viscous_friction": {"b": 0.0015}}, {"B": 0.0, "L_a": 0.0}),
+]
+"""An amplifier's offset, and a load; a back-EMF that nobody knows, and viscous friction: the speed shows the same."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("pair", "known", "hidden", "parameters"), SYMMETRIC, ids=[one[0] for one in SYMMETRIC])
+def test_a_symmetry_is_said_and_only_the_sensor_that_breaks_it_is_a_remedy(
+    pair, known, hidden, parameters, tmp_path, capsys
+):
+    model = Model.load("dc_motor").without_effect("coulomb_friction").with_parameters(parameters)
+    model = model.with_options(tolerance={"R_a": 0.05, "K_t": 0.05, "J": 0.05, "K_m": 1.0})
+    for name, values in known.items():
+        model = model.with_effect(name, **values)
+    true = model
+    for name, values in hidden.items():
+        true = true.with_effect(name, **values)
+    u = 4.0 * np.sin(2 * np.pi * (0.3 * T + 0.4 * T * T)) * np.clip(T / 0.2, 0, 1)
+    speed = simulate(true, T, u[:, None])["speed"] + 0.4 * np.random.default_rng(1).standard_normal(T.size)
+    model.save(tmp_path / "model.yaml")
+    np.savetxt(
+        tmp_path / "first.csv", np.column_stack([T, u, speed]), delimiter=",", header="t,voltage,speed", comments=""
+    )
+    rivals, limits = ("--between", pair), ("--limit", "voltage=6,speed=80")
+    capsys.readouterr()
+    files = (tmp_path / "model.yaml", tmp_path / "first.csv", "-o", tmp_path / "next.csv")
+    assert run("experiment", *files, *rivals, *limits, "--json") == 0
+    content = json.loads(capsys.readouterr().out)
+    assert content["verdict"] == "none"
+    assert [one["alike"] for one in content["pairs"]] == [True]
+    assert [one["what"].split(" (")[0] for one in content["remedies"]] == ["record the current too"]
+
+
 # -------------------------------------------------------------------- limits, and what is refused
 
 
