@@ -15,6 +15,7 @@ from signlin_ros.experiment.contenders import Contender
 from signlin_ros.experiment.limits import Limits
 from signlin_ros.fitting.following import follow_records
 from signlin_ros.fitting.gains import ObserverGains
+from signlin_ros.fitting.inverses import bounded_step
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.follow.segments import PreparedSegment
 from signlin_ros.simulation import Trajectory
@@ -142,7 +143,7 @@ class RivalBench:
         for _ in range(MAX_REFIT_STEPS):
             normal = D.T @ D + c.information
             slope = D.T @ e + c.information @ (theta - c.theta)
-            new = _projected(theta, normal + np.diag(damping * np.diag(normal)), slope, low, high)
+            new = bounded_step(theta, slope, normal, damping, low, high)
             trial = self._followed(c, new, s)
             apart = new - c.theta
             value = LOST if trial is None else float(trial[0] @ trial[0] + apart @ c.information @ apart)
@@ -179,21 +180,6 @@ class RivalBench:
                 if k == 0:
                     runs.append(run)
         return worst, name, runs
-
-
-def _projected(x: Array, matrix: Array, slope: Array, low: Array, high: Array) -> Array:
-    """Return a step within bounds; what leaves them is held there, and the rest solved anew."""
-    active, new = np.zeros(x.size, dtype=bool), x.copy()
-    while not active.all():
-        free = np.flatnonzero(~active)
-        right = slope[free] + matrix[np.ix_(free, active)] @ (new - x)[active]
-        new[free] = x[free] - np.linalg.lstsq(matrix[np.ix_(free, free)], right, rcond=1e-13)[0]
-        outside = (new < low) | (new > high)
-        new = np.clip(new, low, high)
-        if not outside.any():
-            break
-        active |= outside
-    return np.asarray(new)
 
 
 def _compressed(cost: float, s: PreparedSegment) -> float:

@@ -15,6 +15,7 @@ from signlin_ros.effects import EFFECTS
 from signlin_ros.fitting.candidate import Candidate
 from signlin_ros.fitting.following import follow_records
 from signlin_ros.fitting.gains import ObserverGains
+from signlin_ros.fitting.inverses import bounded_step
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.model import Model
 
@@ -121,7 +122,7 @@ def further(problem: Problem, f: Fit, steps: int) -> Fit:
     """Go on with a fit for some steps of Levenberg and Marquardt's method."""
     damping = 1e-3
     for _ in range(steps):
-        new = _step(f.theta, f.gradient, f.hessian, damping, *f.candidate.bounds)
+        new = bounded_step(f.theta, f.gradient, f.hessian, damping, *f.candidate.bounds)
         shift = new - f.theta
         gained = -2 * f.gradient @ shift - shift @ f.hessian @ shift
         if float(gained) < MIN_COST_FALL:
@@ -139,25 +140,6 @@ def further(problem: Problem, f: Fit, steps: int) -> Fit:
         ):
             break
     return f
-
-
-def _step(x: Array, gradient: Array, hessian: Array, damping: float, low: Array, high: Array) -> Array:
-    """Return the damped Gauss-Newton step, projected on the bounds; what leaves them is taken out and solved anew."""
-    active = np.zeros(x.size, dtype=bool)
-    new = x.copy()
-    while not active.all():
-        free = np.flatnonzero(~active)
-        matrix = hessian[np.ix_(free, free)]
-        diagonal = np.diag(matrix)
-        matrix = matrix + np.diag(damping * diagonal + 1e-12 * max(diagonal.max(), 1e-300))
-        right = gradient[free] + hessian[np.ix_(free, active)] @ (new - x)[active]
-        new[free] = x[free] - np.linalg.lstsq(matrix, right, rcond=1e-13)[0]
-        outside = (new < low) | (new > high)
-        new = np.clip(new, low, high)
-        if not outside.any():
-            break
-        active |= outside
-    return np.asarray(new)
 
 
 __all__ = ["Fit", "evaluated", "fit", "further", "with_positive_amplitudes"]

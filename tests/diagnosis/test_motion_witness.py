@@ -13,7 +13,6 @@ from signlin_ros.diagnosis import add, diagnose, summary
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.evidence import Evidence
 from signlin_ros.diagnosis.output_error import FitCache, OutputErrorEstimator, estimator_of, fitting
-from signlin_ros.diagnosis.output_error.fitted import covariance
 from signlin_ros.diagnosis.output_error.score import improvement
 from signlin_ros.diagnosis.output_error.trials import Trial, trials, tryable
 from signlin_ros.diagnosis.progress import CancelledError, Progress
@@ -21,6 +20,7 @@ from signlin_ros.effects import EFFECTS
 from signlin_ros.fitting.candidate import Candidate
 from signlin_ros.fitting.fit import evaluated
 from signlin_ros.fitting.gains import ObserverGains
+from signlin_ros.fitting.inverses import bounded_step, covariance_of, squared_distance
 from signlin_ros.fitting.prepare import held_out, prepared
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.follow.data import load_records
@@ -229,10 +229,58 @@ def test_a_row_is_of_the_best_fit_of_its_effect_in_whatever_order_they_were_made
 
 def test_of_what_nothing_is_known_the_error_is_huge():
     """A friction with a load that was never recorded: "0.05 ± 5.9e-15", of a pseudo-inverse."""
-    found = covariance(np.diag([4.0, 0.0]))
+    found = covariance_of(np.diag([4.0, 0.0]))
     assert found[0, 0] == pytest.approx(0.25)
     assert found[1, 1] > 1e12
-    assert covariance(np.array([[2.0, 1.0], [1.0, 2.0]])) == pytest.approx(np.array([[2.0, -1.0], [-1.0, 2.0]]) / 3.0)
+    assert covariance_of(np.array([[2.0, 1.0], [1.0, 2.0]])) == pytest.approx(
+        np.array([[2.0, -1.0], [-1.0, 2.0]]) / 3.0
+    )
+
+
+def test_standard_errors_depend_on_no_unit():
+    """Of coordinates known to 1e-4 and to 1e4 of their units, those of the finer one were lost to rounding."""
+    root = RNG(3).normal(size=(40, 6))
+    plain, unit = root.T @ root, np.logspace(-8, 8, 6)
+    assert covariance_of(plain / np.outer(unit, unit)) == pytest.approx(np.linalg.inv(plain) * np.outer(unit, unit))
+    apart = RNG(4).normal(size=6)
+    own = squared_distance(apart * unit, np.linalg.inv(plain) * np.outer(unit, unit))
+    assert own == pytest.approx(float(apart @ plain @ apart))
+
+
+def test_a_step_of_the_fit_depends_on_no_unit():
+    """A direction that its prior alone tells of was not moved beside one that is known to 1e-8."""
+    root, gradient = RNG(5).normal(size=(40, 4)), RNG(6).normal(size=4)
+    hessian, free, unit = root.T @ root, np.full(4, np.inf), np.array([1e-8, 1.0, 1e4, 1e8])
+    plain = bounded_step(np.zeros(4), gradient, hessian, 1e-3, -free, free)
+    own = bounded_step(np.zeros(4), gradient / unit, hessian / np.outer(unit, unit), 1e-3, -free, free)
+    assert own == pytest.approx(unit * plain)
+
+
+def test_what_only_the_tolerance_tells_of_has_the_tolerance_for_its_standard_error():
+    """Torque constant, inertia and friction of a motor, all times the same, move alike: three laws that left but noise
+    were refused, because friction was "0.0 of its own standard errors from nothing".
+    """
+    values = {"R_a": 1.2, "L_a": 5e-4, "K_t": 0.042, "K_m": 0.042, "B": 0.0, "J": 6e-5}
+    friction = {"effects": {"coulomb_friction": {"mu": 0.011}}}
+    base = Model.from_dict({"plant": "dc_motor", "parameters": values, "tolerance": 0.2})
+    truth = Model.from_dict({"plant": "dc_motor", "parameters": values, **friction})
+
+    def motor(seed: int) -> ModelData:
+        rng, t = RNG(seed), np.arange(4000) * 0.002
+        u = np.repeat(rng.uniform(-8.0, 8.0, 40), 100)[:, None]
+        x = simulate(truth, t, u, np.zeros(2)).x
+        measured = {
+            n: x[:, i] + rng.normal(0, s, t.size) for i, (n, s) in enumerate((("current", 1e-3), ("speed", 0.1)))
+        }
+        return ModelData(t, u, measured, None, ("voltage",), ("current", "speed"), {})
+
+    estimator = estimator_of(*prepared(base, [motor(1)], [motor(2)]), Criteria(), FitCache(), jobs=1)
+    found = estimator.fitted(["coulomb_friction"], truth)
+    at = [one.k.name for one in found.coordinates]
+    for covariance in found.covariances:
+        errors = dict(zip(at, np.sqrt(np.diag(covariance)), strict=True))
+        assert errors["K_t"] == pytest.approx(0.2 / np.sqrt(2.0), rel=0.02)
+    assert not found.insignificant(Criteria())
 
 
 def test_add_stands_for_the_values_that_diagnose_stands_for(monkeypatch):

@@ -13,6 +13,7 @@ from signlin_ros.diagnosis.equation_error.laws import Ripple, Shape
 from signlin_ros.diagnosis.equation_error.regression import MIN_DIVISOR, Member, Regression, RegressionFit
 from signlin_ros.diagnosis.equation_error.subsets import Subsets
 from signlin_ros.diagnosis.equation_error.waves import Waves
+from signlin_ros.fitting.inverses import squared_distance
 
 REFINED_BEAMS = 2
 """The best so many times `Criteria.beam` of a step are refined."""
@@ -270,8 +271,7 @@ class SubsetSearch:
         if law.parts.group or law.effect.telling or z.size == 1:
             return float(z[-1] if law.parts.group else np.min(z))
         at = np.arange(span.start, span.stop)[np.isfinite(f.std[span])]
-        inverse = np.linalg.pinv(f.covariance[np.ix_(at, at)], hermitian=True)
-        return float(np.sqrt(max(float(f.theta[at] @ inverse @ f.theta[at]), 0.0)))
+        return float(np.sqrt(squared_distance(f.theta[at], f.covariance[np.ix_(at, at)])))
 
     @functools.cached_property
     def chosen(self) -> RegressionFit:

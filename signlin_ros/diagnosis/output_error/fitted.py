@@ -20,6 +20,7 @@ from signlin_ros.effects.base import Effect
 from signlin_ros.fitting.candidate import Coordinate
 from signlin_ros.fitting.fit import Fit
 from signlin_ros.fitting.following import follow_records
+from signlin_ros.fitting.inverses import covariance_of, squared_distance
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.model import Model
 from signlin_ros.model.numbers import declared
@@ -222,12 +223,11 @@ class FittedModel:
         return float(min(sizes))
 
     def _joint_t(self, effect: type[Effect], index: tuple[int, ...]) -> float:
-        """Return by how many standard errors coefficients of an effect differ from nothing, all of them together [Wald
-        1943, doi:10.1090/S0002-9947-1943-0012401-3]: each may be unknown where only their difference is known.
+        """Return by how many standard errors coefficients of an effect differ from nothing, all of them together: each
+        may be unknown where only their difference is known.
         """
         apart = np.array([self.coordinates[i].x - self.coordinates[i].k.nothing(effect) for i in index])
-        inverses = (np.linalg.pinv(c[np.ix_(index, index)], hermitian=True) for c in self.covariances)
-        return float(np.sqrt(min(max(float(apart @ i @ apart), 0.0) for i in inverses)))
+        return float(np.sqrt(min(squared_distance(apart, c[np.ix_(index, index)]) for c in self.covariances)))
 
 
 def coordinates_of(f: Fit, covariances: Sequence[Array]) -> tuple[FittedCoordinate, ...]:
@@ -239,9 +239,10 @@ def coordinates_of(f: Fit, covariances: Sequence[Array]) -> tuple[FittedCoordina
 
 def covariances(problem: Problem, f: Fit) -> tuple[Array, ...]:
     """Return covariances of the coordinates: as of white noise, and one for any correlation and change of size that the
-    residual has: the sandwich of White with sums over blocks [Econometrica 48 (1980) 817; Newey and West 1987].
+    residual has: the sandwich of White with sums over blocks [Econometrica 48 (1980) 817; Newey and West 1987]. What is
+    known beforehand counts in both: of a direction of which the records say nothing it is all that there is.
     """
-    bread = covariance(f.hessian)
+    bread = covariance_of(f.hessian)
     found = follow_records(problem, f.candidate, f.theta, f.gains, True)
     if found is None:
         return (bread,)
@@ -253,16 +254,10 @@ def covariances(problem: Problem, f: Fit) -> tuple[Array, ...]:
     for e, d in zip(found[0], found[1], strict=True):
         products = np.einsum("tc,tcj->tj", np.nan_to_num(e) * weight, np.nan_to_num(d[:, :, : f.theta.size])) * slopes
         sums += [products[i : i + block].sum(axis=0) for i in range(0, len(products), block)]
-    g = np.array(sums)
-    g -= g.mean(axis=0)
-    return bread, np.asarray(bread @ (g.T @ g) @ bread, dtype=np.float64)
-
-
-def covariance(information: Array) -> Array:
-    """Return the covariance of an information (n, n): huge, not zero, in a direction of which nothing is known."""
-    values, axes = np.linalg.eigh(information)
-    least = max(float(values[-1:].sum()) * values.size * np.finfo(float).eps, 1e-300)
-    return np.asarray((axes / np.maximum(values, least)) @ axes.T, dtype=np.float64)
+    g = np.array(sums) - np.mean(sums, axis=0)
+    prior = np.diag([1.0 / k.spread for k in f.candidate.coordinates])
+    root = np.concatenate([g, prior]) @ bread
+    return bread, np.asarray(root.T @ root, dtype=np.float64)
 
 
 def estimates(problem: Problem, model: Model, coordinates: Sequence[FittedCoordinate]) -> dict[str, ParameterEstimate]:
@@ -283,4 +278,4 @@ def _units(problem: Problem, model: Model) -> dict[str, str]:
     return {n: resolve_unit(par.unit, model.plant, problem.rotary) for n, par in declared(model).items()}
 
 
-__all__ = ["FittedCoordinate", "FittedModel", "coordinates_of", "covariance", "covariances", "estimates", "held"]
+__all__ = ["FittedCoordinate", "FittedModel", "coordinates_of", "covariances", "estimates", "held"]
