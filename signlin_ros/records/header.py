@@ -29,6 +29,7 @@ _SAFE += (
     "|nm|mnm|nmm|ncm|kn|mn|lbf|lb|kip|ozin|inlb|lbin|ftlb|kgcm|mm|cm|um|km|inch|mmps|mps|mms|cms|kmh|mph|ips|hz|pct"
 )
 _SAFE += "|(?:k?rad|mrad|deg|rev|turns?|m|mm|cm|um|in|ft|km)_(?:per_)?(?:s2?|sec|min|h)|rad_per_sec|n_m|vrms|arms"
+_SAFE += "|(?:tr|tours?|rot|giri|obr|umdr|(?-i:U))_(?:per_)?(?:s|min)"
 _SAFE += "|upm|grad|newtons?|meters?|metres?|degrees|radians|milliamps|millivolts|celsius|percent|kg|g"
 _SUFFIX = re.compile(rf"(?P<name>.*?[^_])_(?:in_)?(?P<unit>{_SAFE}|[vanmsVANms])\Z", re.IGNORECASE)
 

@@ -8,7 +8,7 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import Any
 
 from signlin_ros.errors import InputError
-from signlin_ros.workbench import columns, questions
+from signlin_ros.workbench import columns, plans, questions
 from signlin_ros.workbench import trust as trusting
 from signlin_ros.workbench.formats import FILES
 from signlin_ros.workbench.session import Session
@@ -183,6 +183,22 @@ async def diagnose(s: Session, args: Args) -> None:
     s.start("diagnose", "diagnosing", s.diagnose)
 
 
+async def plan(s: Session, args: Args) -> None:
+    """Plan what to record next, within the limits that were written."""
+    _possible(s, "diagnose")
+    block = next(b for b in s.shown()["stages"] if b["id"] == "diagnose")
+    if not (block["done"] and block.get("form")):
+        raise InputError("Diagnose first: a plan is made for what a diagnosis leaves open.")
+    form = plans.asked(s, args)
+    s.start("diagnose", "planning what to record next", lambda: s.plan(form))
+
+
+async def unplan(s: Session, args: Args) -> None:
+    """Leave a plan out: records are diagnosed as if there were none."""
+    s.idle()
+    s.project.change("without the plan", planned=None)
+
+
 async def add(s: Session, args: Args) -> None:
     """Add an effect and fit it."""
     _possible(s, "add")
@@ -245,7 +261,7 @@ async def clear(s: Session, args: Args) -> None:
     """Begin anew in this project; nothing is deleted but what was exported, and it can be undone."""
     s.idle()
     shutil.rmtree(s.project.folder / "export", ignore_errors=True)
-    s.project.change("clear", model=None, records=[], cures=[], path=[])
+    s.project.change("clear", model=None, records=[], cures=[], path=[], planned=None)
     s.errors = {}
 
 
@@ -259,7 +275,7 @@ ACTIONS: dict[str, Callable[[Session, Args], Awaitable[None]]] = {
     f.__name__: f
     for f in (
         *(take, sample, model, role, drop, map_signal, remap, apart, cure, undo, redo, check, compare, diagnose),
-        *(add, learn, refit, write, keep, export, use, cancel, clear, trust),
+        *(add, learn, refit, write, keep, export, use, cancel, clear, trust, plan, unplan),
     )
 }
 

@@ -22,7 +22,7 @@ from signlin_ros.errors import InputError
 from signlin_ros.model import Model, shipped_models
 from signlin_ros.model.arm import ArmModel
 from signlin_ros.records import ModelData
-from signlin_ros.workbench import arrays, sheet, tuning
+from signlin_ros.workbench import arrays, planning, sheet, tuning
 from signlin_ros.workbench.exporting import use
 from signlin_ros.workbench.looking import columns, points, propose, record_curves, search, span
 from signlin_ros.workbench.proposing import shows_angle
@@ -275,7 +275,21 @@ def diagnose(args: Args, say: Say) -> Answer:
         return arms.diagnose(arm, args, say)
     result = _diagnosed("diagnose", args, say)
     content = result.to_json()
-    return {"json": content, "errors": _errors(console.ladder_rows(content)), **evidence.shown(result)}
+    model, (first, second) = _LAST[str(args.get("key"))][1:3]
+    limits = planning.asked_limits(model, [*first, *(second or ())])
+    errors = _errors(console.ladder_rows(content))
+    return {"json": content, "errors": errors, "limits": limits, **evidence.shown(result)}
+
+
+def experiment(args: Args, say: Say) -> Answer:
+    """Plan what to record next, see `planning.planned`."""
+    return planning.planned(args, say, _sides)
+
+
+def rivals(args: Args, say: Say) -> Answer:
+    """Look at a file of rivals that came through the browser; return what they are called."""
+    found = planning.rivals_of(args["file"], Path(args["file"]).parent, dropped=True)
+    return {"rivals": [" with ".join(one.effects).replace("_", " ") or "nothing more" for one in found]}
 
 
 def add(args: Args, say: Say) -> Answer:
@@ -307,7 +321,10 @@ def _diagnosed(verb: str, args: Args, say: Say) -> Any:
     records, effect = [*first, *(second or ())], args.get("effect")
     run, ranking = getattr(diagnosis, verb), Ranking(say)
     watched = Progress(ranking.stage, seen=ranking.seen)
-    result = run(*([effect] if effect else []), model, first, second, jobs=os.cpu_count() or 1, progress=watched)
+    more = {"rivals": planning.rivals_of(args["rivals"], model.folder)} if args.get("rivals") else {}
+    result = run(
+        *([effect] if effect else []), model, first, second, jobs=os.cpu_count() or 1, progress=watched, **more
+    )
     result = printed(result, opened(args["model"]), args.get("output"), records)
     _LAST[str(args.get("key"))] = (result, model, (first, second), findings)
     return result
@@ -446,7 +463,7 @@ WORKER_CALLS: dict[str, Callable[[Args, Say], Answer]] = {
             diagnose,
             add,
         ),
-        *(compare_xy, report, tune, keep, sample, search, refit, written),
+        *(compare_xy, report, tune, keep, sample, search, refit, written, experiment, rivals, planning.plan_curves),
     )
 }
 """What a worker process can be asked for."""

@@ -55,6 +55,12 @@ def fault(s: Session, record: Entry) -> str:
     return str(found["error"]) if found else ""
 
 
+def asks(s: Session, record: Entry) -> bool:
+    """Tell whether it is asked which column of a record is its time, in which unit, and nobody has said it."""
+    found = read(s, record)
+    return bool(found and found["time"]["asked"]) and TIME_COLUMN not in record.get("signals", {})
+
+
 def groups(s: Session) -> list[list[Entry]]:
     """Return the records, those together that have the same columns and of which the same was said."""
     found: dict[Any, list[Entry]] = {}

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 Step = Mapping[str, Any]
-COMMAND_VERBS = ("check", "compare", "diagnose", "add")
+COMMAND_VERBS = ("check", "compare", "diagnose", "add", "experiment")
 SCRIPT_HEAD = """\
 #!/bin/sh
 # What was done in the workbench, as commands; the numbers are the same. Results go to the folder {replay}.
@@ -35,11 +35,23 @@ def _words(step: Step) -> list[str]:
         words += ["--signal", f"{name}={column}"]
     for cure in step.get("cures") or ():
         words += ["--cure", cure]
+    words += _planned(step) if step["verb"] == "experiment" else []
+    if step.get("rivals"):
+        words += ["--rivals", step["rivals"]]
     if step.get("over"):
         words += ["--over", step["over"]]
     if step.get("output"):
         words += ["-o", step["output"]]
     return words
+
+
+def _planned(step: Step) -> list[str]:
+    """Return the options of ``experiment``."""
+    words = [part for name, value in step["limits"].items() for part in ("--limit", f"{name}={value:g}")]
+    words += ["--between", ",".join(step["between"])] if step["between"] else []
+    for option in ("duration", "dt"):
+        words += [f"--{option}", f"{step[option]:g}"] if step[option] else []
+    return [*words, "--spare", f"{step['spare']:g}"]
 
 
 def script(folder: Path, replay: str, steps: Iterable[Step], texts: Mapping[str, str]) -> str:
@@ -48,6 +60,7 @@ def script(folder: Path, replay: str, steps: Iterable[Step], texts: Mapping[str,
     Models that a step writes are written to the folder ``replay`` and read from there by the steps after it.
     """
     made: dict[str, str] = {}
+    diagnosis = ""
     lines = [SCRIPT_HEAD.format(folder=shlex.quote(str(folder.resolve())), replay=shlex.quote(replay))]
     for number, step in enumerate(steps, 1):
         if step["verb"] == "set":
@@ -57,9 +70,12 @@ def script(folder: Path, replay: str, steps: Iterable[Step], texts: Mapping[str,
             lines.append(f"cat > {shlex.quote(target)} <<'{end}'\n{text}\n{end}")
             continue
         moved = {**step, "model": made.get(step["model"], step["model"])}
+        if step["verb"] == "experiment":
+            moved |= {"model": diagnosis, "data": [], "validation": []}
         if step.get("output"):
             moved["output"] = made[step["output"]] = f"{replay}/{Path(step['output']).name}"
         answer = f"{replay}/{number}_{step['verb']}.json"
+        diagnosis = answer if step["verb"] == "diagnose" else diagnosis
         lines.append(f"{command(moved)} --json > {shlex.quote(answer)}")
     return "\n".join(lines) + "\n"
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from signlin_ros.errors import joined
 from signlin_ros.names import AS_GIVEN, REFITTED_ROW
-from signlin_ros.workbench import commands
+from signlin_ros.workbench import commands, plans
 from signlin_ros.workbench.formats import FILES
 from signlin_ros.workbench.questions import asked_of, described, question, result, script, used
 from signlin_ros.workbench.stages import EXCHANGED, before, block, check, checked_first
@@ -128,10 +129,21 @@ def diagnose(s: Session) -> dict[str, Any]:
         text = f"Which effect is missing? All of the catalogue compete; {judge}."
         if _added(s):
             text = "Ask again: does the model lack anything else now?"
-        return block("diagnose", "", False, text, command)
+        judged = plans.judges(s)
+        return block("diagnose", "", False, _judged(judged) or text, command, judged=judged)
     content = _told(found["json"])
     text = f"{content['verdict'].capitalize()}: {_with_waves(content['sentence'], found['values'])}"
-    return block("diagnose", "", True, text, command, result={**found, "json": content}, unseen=_unseen(s))
+    more = {"unseen": _unseen(s), "judged": plans.judges(s), **plans.shown(s, found)}
+    return block("diagnose", "", True, text, command, result={**found, "json": content}, **more)
+
+
+def _judged(judged: dict[str, Any] | None) -> str:
+    """Return what a diagnosis does with the records that came after a plan."""
+    if judged is None:
+        return ""
+    rivals, new = joined(judged["rivals"]), joined(judged["records"])
+    text = f"Which rival of the plan is it? {rivals} are fitted to {new}, too; what no fit sees decides."
+    return text if judged["twice"] else f"{text} Surer with a second run of the same command: drop it, too."
 
 
 def _with_waves(sentence: str, values: dict[str, dict[str, str]]) -> str:

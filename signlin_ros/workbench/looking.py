@@ -15,6 +15,7 @@ from signlin_ros.errors import InputError, MissingExtraError, one_line
 from signlin_ros.model import Model
 from signlin_ros.records import Note, Record, Signal, read_record, read_runs
 from signlin_ros.workbench import arrays, proposing
+from signlin_ros.workbench.clocks import asked_time
 from signlin_ros.workbench.uploaded import opened
 
 Args = Mapping[str, Any]
@@ -35,7 +36,7 @@ def columns(args: Args, say: Say) -> Answer:
 
     ``texts``: columns of text, which a formula may use where they hold a direction. ``error``: why it cannot be read as
     is said; ``untimed``: but for its time, so that the columns are shown over their rows. ``time``: from which columns
-    the time was read, and what the reader would say of it (``t [ms]``).
+    the time was read, and what may be said of it (``t [ms]``).
     """
     file = args["file"]
     try:
@@ -52,17 +53,19 @@ def columns(args: Args, say: Say) -> Answer:
 def _columns(record: Record, error: str) -> Answer:
     step = float(np.median(np.diff(record.t))) if len(record) > 1 else 0.0
     asked = (ASKED_TIME_UNIT.search(note) for note in map(str, record.notes))
+    clock = asked_time(record) if error else next((found[1] for found in asked if found), "")
+    said = [note for note in record.notes if not (error and isinstance(note, Note) and note.kind == "clock")]
     return {
         "columns": [_column(name, s) for name, s in record.signals.items()],
         "samples": len(record),
         "start": float(record.t[0]),
         "end": float(record.t[-1]),
         "step": step,
-        "notes": list(record.notes),
+        "notes": said,
         "texts": [name for name, why in _left_out(record).items() if "infinite" not in why],
         "time": {
             "columns": [] if error else [s.label or name for name, s in record.clocks.items()],
-            "asked": next((found[1] for found in asked if found), ""),
+            "asked": clock,
         },
         "error": error,
         "untimed": bool(error),

@@ -28,9 +28,11 @@ from signlin_ros.workbench import trust
 
 STORE = ".signlin"
 VERSION = 1
-ANSWERS = 3
+ANSWERS = 4
 """Version of what the worker answers: answers to another one are asked for anew."""
 MODELS = (".yaml", ".yml")
+RIVALS = ".rivals.json"
+"""How the file of a plan's rivals ends."""
 ROBOTS = (".urdf",)
 DROPPED_SUFFIXES = (*TEXT, *TABLES, *BAGS, *PACKED)
 """Suffixes of what may be dropped; what this version's readers cannot read they refuse with the reason."""
@@ -52,12 +54,24 @@ def safe_name(name: str) -> str:
     last = re.split(r"[/\\]", unicodedata.normalize("NFC", name))[-1]
     plain = Path(re.sub(r"[^\w.+\-() ]", "_", last).strip(" .") or "file")
     suffix = plain.suffix.lower()
+    if plain.name.lower().endswith(RIVALS):
+        return _shortened(plain.name[: -len(RIVALS)]) + RIVALS
     if suffix not in (*MODELS, *ROBOTS, *DROPPED_SUFFIXES):
         shown = "".join(c if c.isprintable() else "?" for c in last)[:MAX_NAME_LENGTH]
         raise InputError(
             f"{shown!r} is no record and no model; allowed: {', '.join((*DROPPED_SUFFIXES, *MODELS, *ROBOTS))}"
         )
-    return (plain.stem.lstrip("-.")[:MAX_NAME_LENGTH].strip() or "file") + suffix
+    return _shortened(plain.stem) + suffix
+
+
+def _shortened(stem: str) -> str:
+    return stem.lstrip("-.")[:MAX_NAME_LENGTH].strip() or "file"
+
+
+def fresh(choices: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the records of some choices that came after the plan of the next record; none where there is no plan."""
+    planned = choices.get("planned")
+    return [r for r in choices["records"] if r["file"] not in planned["records"]] if planned else []
 
 
 def _claimed(file: Path) -> bool:
@@ -246,9 +260,10 @@ class Project:
 
     def free_names(self, name: str) -> Iterator[Path]:
         """Yield safe paths in the folder for a file that is dropped, beside those of the same name."""
-        plain = Path(safe_name(name))
+        plain = safe_name(name)
+        end = RIVALS if plain.endswith(RIVALS) else Path(plain).suffix
         for number in range(10_000):
-            file = self.folder / (f"{plain.stem}_{number}{plain.suffix}" if number else plain.name)
+            file = self.folder / (f"{plain.removesuffix(end)}_{number}{end}" if number else plain)
             if not os.path.lexists(file):
                 yield file
         raise InputError(f"{name}: too many files of that name")
@@ -273,6 +288,13 @@ class Project:
             if _claimed(self.folder / name):
                 self._save()
                 return name
+
+    def next_plan(self) -> str:
+        """Return what the files of the next plan are called before their endings."""
+        count = 1
+        while any(self.folder.glob(f"next_{count}.*")):
+            count += 1
+        return f"next_{count}"
 
     def release(self, name: str) -> None:
         """Give a name of `next_model` back where nothing was written to it."""
@@ -302,7 +324,7 @@ class Project:
     def key(self, verb: str, asked: Mapping[str, Any]) -> str:
         """Return the key of a result: what was asked, and of which files as they are now."""
         text = json.dumps([ANSWERS, verb, asked], sort_keys=True)
-        read = (asked.get(name) or () for name in ("model", "file", "files", "data", "validation"))
+        read = (asked.get(name) or () for name in ("model", "file", "files", "data", "validation", "rivals"))
         files = [f for given in read for f in ([given] if isinstance(given, str) else given)]
         stats = [Path(f).stat() for f in files if Path(f).is_file()]
         stamps = [(stat.st_size, stat.st_mtime_ns) for stat in stats]
@@ -327,4 +349,15 @@ class Project:
         return self.folder / "results" / f"{key}.npz"
 
 
-__all__ = ["DROPPED_SUFFIXES", "EMPTY_PROJECT", "MODELS", "ROBOTS", "STORE", "Project", "lock", "safe_name"]
+__all__ = [
+    "DROPPED_SUFFIXES",
+    "EMPTY_PROJECT",
+    "MODELS",
+    "RIVALS",
+    "ROBOTS",
+    "STORE",
+    "Project",
+    "fresh",
+    "lock",
+    "safe_name",
+]

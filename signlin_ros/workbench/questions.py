@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from signlin_ros.workbench import columns, commands
+from signlin_ros.workbench.project import fresh
 
 if TYPE_CHECKING:
     from signlin_ros.workbench.session import Session
@@ -23,6 +24,8 @@ def question(s: Session, verb: str) -> dict[str, Any]:
     base: dict[str, Any] = {"model": p.path(c["model"]), "data": data, "validation": validation}
     base["signals"] = columns.signals(s, [*data, *validation])
     cures = _cures(s, [*data, *validation]) if verb == "compare" else c["cures"]
+    if verb == "diagnose" and fresh(c) and c["planned"]["model"] == c["model"]:
+        base["rivals"] = p.path(c["planned"]["files"]["rivals"])
     return {**base, "cures": cures} if cures else base
 
 

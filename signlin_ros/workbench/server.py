@@ -22,7 +22,7 @@ from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
 from signlin_ros.errors import InputError, one_line
-from signlin_ros.workbench import columns, questions, safety
+from signlin_ros.workbench import columns, plans, questions, safety
 from signlin_ros.workbench.actions import ACTIONS
 from signlin_ros.workbench.formats import FILES
 from signlin_ros.workbench.lane import FaultError, LaneCancelledError, RefusedError
@@ -226,6 +226,16 @@ def _view_question(session: Session, what: str, args: dict[str, Any]) -> tuple[s
         asked = questions.question(session, "compare")
         values = {str(k): float(v) for k, v in dict(args.get("values") or {}).items()}
         return "tune", {**wanted, **asked, "file": asked["data"][0], "values": values}
+    planned = session.project.choices.get("planned") or {}
+    if what == "plan" and planned.get("asked"):
+        key = session.project.key("experiment", planned["asked"])
+        found = session.project.result(key)
+        way = int(args.get("way") or 0)
+        if found is not None and 0 <= way < max(len(found["previews"]), 1):
+            command, channels = found["json"]["command"], [p["channels"] for p in found["previews"]]
+            shown = {"input": command["input"], "unit": command["unit"], "way": way}
+            shown["channels"] = channels[way] if channels else {}
+            return "plan_curves", {**wanted, **shown, "store": str(session.project.array_file(key))}
     raise InputError(f"nothing to show for {what!r}")
 
 
@@ -302,6 +312,8 @@ async def exported(request: Request) -> Response:
     """Return one of the exported files."""
     session, name = _session(request), request.path_params["name"]
     file = session.project.folder / "export" / name
+    if plans.FILES.fullmatch(name) and (session.project.folder / name).is_file():
+        return FileResponse(session.project.folder / name, filename=name, media_type="application/octet-stream")
     if name not in EXPORTED or not file.is_file():
         raise InputError(f"no such file: {name!r}")
     if name.endswith(".html"):

@@ -11,10 +11,10 @@ from typing import Any
 
 from signlin_ros.errors import InputError, one_line
 from signlin_ros.files import write_text
-from signlin_ros.workbench import columns, questions, stages
+from signlin_ros.workbench import columns, plans, questions, stages
 from signlin_ros.workbench.formats import FILES
 from signlin_ros.workbench.lane import FaultError, Lane, LaneCancelledError, RefusedError
-from signlin_ros.workbench.project import MODELS, ROBOTS, Project
+from signlin_ros.workbench.project import MODELS, RIVALS, ROBOTS, Project
 from signlin_ros.workbench.shown import shown
 
 Args = dict[str, Any]
@@ -204,20 +204,32 @@ class Session:
         choices = self.project.choices
         made = [f for f in files if f.lower().endswith(MODELS)]
         beside = [f for f in files if f.lower().endswith(ROBOTS)]
-        records = [*choices["records"], *({"file": f, "role": ""} for f in files if f not in (*made, *beside))]
+        rivals = [f for f in files if f.lower().endswith(RIVALS)]
+        known = {*made, *beside, *rivals}
+        records = [*choices["records"], *({"file": f, "role": ""} for f in files if f not in known)]
         for model in made:
             await self.view.call("describe", {"model": self.project.path(model), "uploaded": True})
         model = made[-1] if made else choices["model"]
         label = ", ".join(Path(f).name for f in files)
         guessed = not made and choices.get("guessed", False)
         anew: Args = {"path": [], "cures": [], "guessed": guessed}
-        self.project.change(f"drop {label}", records=_with_roles(records), model=model, **anew)
+        if rivals:
+            anew["planned"] = await self._plan_of(rivals[-1], model)
+        records = _with_roles(records)
+        plans.one_to_judge({**choices, **anew}, records)
+        self.project.change(f"drop {label}", records=records, model=model, **anew)
         await self.look()
+
+    async def _plan_of(self, file: str, model: str | None) -> Args:
+        """Return what is known of a plan whose rivals were dropped: every record is judged by them."""
+        found = await self.view.call("rivals", {"file": self.project.path(file)})
+        own = {"names": found["rivals"], "files": {"rivals": file}}
+        return {"asked": None, "model": model, "records": [], **own}
 
     async def take_sample(self) -> None:
         """Make the sample, and take it."""
         files = (await self.work.call("sample", {"folder": str(self.project.folder)}))["files"]
-        self.project.change("sample", model=None, records=[], cures=[], path=[])
+        self.project.change("sample", model=None, records=[], cures=[], path=[], planned=None)
         await self.take([Path(file).name for file in files])
 
     async def look_again(self) -> None:
@@ -293,6 +305,20 @@ class Session:
         step = questions.question(self, "diagnose")
         await self.asked(self.work, "diagnose", step)
         self._done({"verb": "diagnose", **step})
+
+    async def plan(self, asked: Args) -> None:
+        """Plan what to record next for the diagnosis as it is; ``asked``: see `plans.asked`."""
+        diagnosis = questions.result(self, "diagnose", questions.question(self, "diagnose"))
+        found = await self.asked(self.work, "experiment", asked, diagnosis=diagnosis["json"])
+        name, project = self.project.next_plan(), self.project
+        files = {"csv": f"{name}.csv", "rivals": f"{name}{RIVALS}"}
+        files |= {"trajectory": f"{name}.trajectory.yaml"} if found["trajectory"] else {}
+        for kind, file in files.items():
+            write_text(project.folder / file, found[kind])
+        self._done({"verb": "experiment", **asked, "output": project.path(files["csv"])})
+        records = [r["file"] for r in project.choices["records"]]
+        own = {"names": found["json"]["rivals"], "files": files, "records": records}
+        project.change("plan what to record next", planned={"asked": asked, "model": project.choices["model"], **own})
 
     async def add(self, effect: str, **more: Any) -> None:
         """Add an effect, fit it, and compare anew."""

@@ -67,12 +67,14 @@ def record(s: Session) -> dict[str, Any]:
         return block("record", "", False, "Drop a record: a table of time, what drives the machine, how it moves.")
     samples, seconds = sum(f["samples"] for f in read), sum(f["end"] - f["start"] for f in read)
     count = f"{len(records)} record{'s' if len(records) > 1 else ''}"
-    timed = not any(columns.fault(s, r) for r in records)
+    faults = [text for r in records if (text := columns.fault(s, r))]
+    timed, asked = not faults, _asked(s)
     text = f"{count}, {samples:,} samples, {seconds:.4g} s. " if timed else f"{count}. "
-    asked = _asked(s)
-    wrong, lacking = _unreadable(s) or ("" if asked else _first(s, columns.wrong)), _first(s, columns.lacks)
-    if not timed:
-        text += "One cannot be read as it is." if len(records) > 1 else "It cannot be read as it is."
+    wrong, lacking = _unreadable(s, told=False) or ("" if asked else _first(s, columns.wrong)), _first(s, columns.lacks)
+    if not timed and asked:
+        text += _asks(asked)
+    elif not timed:
+        text += _none_read(len(records), len(faults))
     elif asked:
         name, _, unit = asked.rpartition(" [")
         text = f"{count}, {samples:,} samples. "
@@ -97,14 +99,32 @@ def record(s: Session) -> dict[str, Any]:
     return block("record", "", done, text, **more)
 
 
+def _none_read(records: int, faults: int) -> str:
+    """Return how many records cannot be read."""
+    if records == 1:
+        return "It cannot be read as it is."
+    if faults == records:
+        return "None can be read as they are."
+    return "One cannot be read as it is." if faults == 1 else f"{faults} cannot be read as they are."
+
+
+def _asks(asked: str) -> str:
+    """Return the question after a time that no column is called."""
+    name, _, unit = asked.rpartition(" [")
+    return f"No column is called like a time. Is it {name}, in {unit.rstrip(']')}?"
+
+
 def _asked(s: Session) -> str:
     """Return how the time of records would be read whose unit the reader asks for (``t [ms]``); empty where none is."""
     return next((t["clock"]["asked"] for t in columns.tables(s) if t["clock"]["asked"] and not t["time"]), "")
 
 
-def _unreadable(s: Session) -> str:
-    """Return why the first record that cannot be read cannot; empty where all can."""
-    faults = (columns.fault(s, r) for r in s.project.choices["records"])
+def _unreadable(s: Session, told: bool = True) -> str:
+    """Return why the first record that cannot be read cannot; empty where all can. ``told``: also of those after whose
+    time is asked.
+    """
+    records = [r for r in s.project.choices["records"] if told or not columns.asks(s, r)]
+    faults = (columns.fault(s, r) for r in records)
     return next((text.replace(f"{s.project.place()}/", "") for text in faults if text), "")
 
 

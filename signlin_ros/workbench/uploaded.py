@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -35,16 +36,32 @@ def opened(path: str, *, dropped: bool = False) -> Model:
     agreed to, `ModelError` for all else that is wrong.
     """
     file = find_model_file(path)
-    names = _checked(file)
-    if names and dropped:
+    _agreed(file.name, file.parent, _checked(file), dropped)
+    return Model.load(path)
+
+
+def read_text(text: str, name: str, folder: Path, *, dropped: bool = False) -> Model:
+    """Return the model of a text, its effect files by their whole paths; ``folder``: what they are relative to.
+
+    Raises as `opened`; ``name``: what the text is called in errors.
+    """
+    if len(text) > MAX_MODEL_BYTES:
+        raise ModelError(f"{name}: {len(text)} characters; allowed for a model: {MAX_MODEL_BYTES}")
+    _agreed(name, folder, _named_files(text, name), dropped)
+    model = Model.from_yaml(text, name, folder)
+    return replace(model, effect_files=tuple(str((folder / one).resolve()) for one in model.effect_files))
+
+
+def _agreed(name: str, folder: Path, files: Sequence[str], dropped: bool) -> None:
+    """Raise `CodeError` where files of code were not agreed to, `ModelError` for any that was dropped."""
+    if files and dropped:
         raise ModelError(
-            f"{file.name}: effect_files {names[0][:80]!r} is code, and code is not taken from the browser; start"
+            f"{name}: effect_files {files[0][:80]!r} is code, and code is not taken from the browser; start"
             " `signlin workbench MODEL` with the path of the model file instead"
         )
-    strange = [one for one in map(_shown, (file.parent / name for name in names)) if one]
+    strange = [one for one in map(_shown, (folder / file for file in files)) if one]
     if strange:
-        raise CodeError(file.name, strange)
-    return Model.load(path)
+        raise CodeError(name, strange)
 
 
 def _shown(file: Path) -> dict[str, str] | None:
@@ -66,11 +83,18 @@ def _checked(path: Path) -> list[str]:
     if size > MAX_MODEL_BYTES:
         raise ModelError(f"{path.name}: {size} bytes; allowed for a model file: {MAX_MODEL_BYTES}")
     try:
-        text = path.read_text(encoding="utf-8")
-        _check_shape(text, path.name)
+        return _named_files(path.read_text(encoding="utf-8"), path.name)
+    except UnicodeDecodeError as error:
+        raise ModelError(f"{path.name}: not a YAML file: {error}") from error
+
+
+def _named_files(text: str, name: str) -> list[str]:
+    """Return the files of code that the text of a model names; raise `ModelError` where it uses anchors."""
+    try:
+        _check_shape(text, name)
         tree = yaml.safe_load(text)
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ModelError(f"{path.name}: not a YAML file: {' '.join(str(error).split())[:200]}") from error
+    except yaml.YAMLError as error:
+        raise ModelError(f"{name}: not a YAML file: {' '.join(str(error).split())[:200]}") from error
     return list(dict.fromkeys(_effect_files(tree)))
 
 
@@ -100,4 +124,4 @@ def _effect_files(tree: Any) -> Iterator[str]:
             yield from _effect_files(value)
 
 
-__all__ = ["CodeError", "opened"]
+__all__ = ["CodeError", "opened", "read_text"]

@@ -24,6 +24,11 @@ INSTEAD = (
     (r"`signlin add learned_force` learns it as a curve", "the button “Learn it as a curve”, in Add, does that"),
     (r"; --cure none: the record is taken as it is", "; or take the records as they are, in Check"),
     (r"--cure (\w+): ", r"\1, in Check: "),
+    (r"plan for two by themselves with --between", "choose two of them below, and plan for those"),
+    (r"; --between A,B names others", "; choose two below"),
+    (r"; --between names which", "; choose two below"),
+    (r"^--(between|limit|duration|spare): ", ""),
+    (r"^--dt: ", "time between samples: "),
 )
 """What the command line says, and what the page says instead."""
 

@@ -70,7 +70,7 @@ def test_a_refused_time_leaves_all_in_place(client: Client, formula: str) -> Non
 
 
 def test_a_table_without_a_time_is_shown_and_takes_the_time_from_row_to_row(client: Client) -> None:
-    project, state = taken(client, run=log("a,voltage,current [mA],speed [rpm]"))
+    project, state = taken(client, run=log("a,voltage,current [mA],speed [rpm]", step=0.0))
     assert "cannot be read as it is" in record_of(state)["sentence"]
     what = record_of(state)["error"]["what"]
     assert "no time column" in what
@@ -287,3 +287,50 @@ def test_a_pwm_is_offered_its_sign_and_its_full_scale() -> None:
     rows = {r["signal"]: r for r in proposing.mapping(Model.load("dc_motor"), [signed], {})}
     assert "direction" not in rows["voltage"]
     assert "full" not in rows["voltage"]
+
+
+# -------------------------------------------------------------------- a time that nothing is called
+
+
+def french(step: float = 4000.0) -> bytes:
+    """Return a log in JSON lines, in another language: a clock, a count of the rows, a voltage, a speed."""
+    t = np.arange(400)
+    jitter = np.random.default_rng(1).integers(-100, 100, t.size)
+    columns = (t * step + jitter + 5_000_000, t, 6e3 * np.sin(0.02 * t), 200 * np.sin(0.02 * t - 0.3))
+    names = ("horodatage_us", "no_ligne", "tension_mV", "vitesse_tr_min")
+    rows = ({n: float(v) for n, v in zip(names, row, strict=True)} for row in zip(*columns, strict=True))
+    return "\n".join(map(json.dumps, rows)).encode()
+
+
+def test_a_clock_that_is_called_like_no_time_is_asked_for_and_read_by_one_click(client: Client) -> None:
+    project = client.project()
+    name = json.loads(client.put(project, "essai.jsonl", french())[1])["file"]
+    client.act(project, "take", files=[name])
+    state = client.settled(project)
+    said = record_of(state)
+    assert said["asked"] == "horodatage_us [us]"
+    assert said["sentence"] == "1 record. No column is called like a time. Is it horodatage_us, in us?"
+    assert said["error"] is None
+    assert not any("rows are" in note for note in state["records"][0]["found"]["notes"])
+    client.act(project, "map_signal", file="essai.jsonl", signal="t", formula=said["asked"])
+    found = client.settled(project)["records"][0]["found"]
+    assert found["step"] == pytest.approx(0.004, rel=0.05)
+    assert {c["label"]: c["unit"] for c in found["columns"]}["vitesse_tr_min"] == "tr_min"
+
+
+def test_what_only_counts_or_could_be_either_is_not_guessed_to_be_the_time() -> None:
+    from signlin_ros.workbench.clocks import asked_time
+
+    n, g = np.arange(500.0), np.random.default_rng(2)
+    clock = Signal(1e3 * (n + 0.1 * g.uniform(size=500)), "")
+    assert asked_time(record(zeile=(n, ""), u=(np.sin(n), "V"))) == ""
+    assert asked_time(record(takt=(clock.values, ""), zeile=(n, ""), u=(np.sin(n), "V"))) == "takt [us]"
+    assert asked_time(record(takt=(clock.values, ""), wecker=(2 * clock.values, ""))) == ""
+    assert asked_time(record(takt=(clock.values, ""), wecker=(2 * clock.values, "ms"))) == "wecker [ms]"
+    assert asked_time(record(weg=(np.cumsum(g.exponential(size=500) ** 4), ""))) == ""
+
+
+def test_no_record_of_two_can_be_read_is_said_of_both(client: Client) -> None:
+    lines = "\n".join(["a,b", *("1,2" for _ in range(50)), ""]).encode()
+    _, state = taken(client, one=lines, two=lines)
+    assert "None can be read as they are." in record_of(state)["sentence"]

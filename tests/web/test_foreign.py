@@ -124,6 +124,8 @@ def test_no_verb_of_the_worker_runs_code_that_was_not_agreed_to(tmp_path: Path) 
         "sample",
         "search",
         "written",
+        "plan_curves",
+        "rivals",
     }
     for name in sorted(WORKER_CALLS.keys() - others):
         with pytest.raises(CodeError):

@@ -318,3 +318,29 @@ def test_what_is_looked_at_stays_where_it_is_and_numbers_are_typed(
     wide = "return document.documentElement.scrollWidth - document.documentElement.clientWidth"
     assert page.driver.execute_script(wide) <= 0
     assert page.chosen("type-J") == "0.0022"
+
+
+def test_ten_thousand_columns_are_a_page_of_a_few_screens(
+    server: Callable[..., Server], browser: Callable[..., Page], tmp_path: Path
+) -> None:
+    """What is tested is how much is drawn, and that the rest is found: not how long it takes."""
+    width, wide = 10_000, tmp_path / "wide.csv"
+    head = ",".join(["t", "voltage", "speed", *(f"drive/axis{k % 7}/temperature_{k}" for k in range(width))])
+    cells = "," + ",".join(["20.5"] * width)
+    wide.write_text("\n".join([head, *(f"{0.01 * k:g},{k % 3},{0.2 * k:g}{cells}" for k in range(40)), ""]))
+    page = browser(1280, 900)
+    page.open(server("dc_motor", str(wide)).address)
+    page.done("record")
+    page.still()
+    run = page.driver.execute_script
+    assert run("return document.querySelectorAll('*').length") < 3000
+    assert run("return document.documentElement.scrollHeight") < 6000
+    assert run("return document.documentElement.scrollWidth - document.documentElement.clientWidth") <= 0
+    assert page.driver.find_element("id", "find-column").get_attribute("placeholder") == f"one of {width + 2} columns"
+    page.type("find-column", "axis3 9999")
+    column = "see-column-drive/axis3/temperature_9999"
+    page.wait(lambda: len(page.driver.find_elements("css selector", "#tree input")) == 1, "one column to be found")
+    page.click(column)
+    label = '#plots-record [aria-label^="drive/axis3/temperature_9999"]'
+    page.wait(lambda: page.driver.find_elements("css selector", label), "its curve")
+    assert len(page.driver.find_elements("css selector", "#plots-record .plot")) <= 4

@@ -2,7 +2,8 @@
 
 import * as api from "./api.js";
 import { h, fill, say } from "./dom.js";
-import { RENDER, command, restyle, restyleTuner } from "./stages.js";
+import { restyle } from "./stacks.js";
+import { RENDER, command, restyleTuner } from "./stages.js";
 import { live, restyleLive } from "./live.js";
 import * as place from "./place.js";
 import { latest } from "./sync.js";
@@ -48,7 +49,7 @@ async function go(name, args) {
     if (name === "files") await take(args);
     else await api.act(name, args ?? {});
   } catch (error) {
-    const where = { map_signal: "record", remap: "check", apart: "record", model: "record", role: "record", drop: "record", trust: "record", write: "record", sample: "record", files: "record", cure: "check", keep: "add", learn: "add", refit: "compare", export: "use" }[name] ?? name;
+    const where = { map_signal: "record", remap: "check", apart: "record", model: "record", role: "record", drop: "record", plan: "diagnose", unplan: "diagnose", trust: "record", write: "record", sample: "record", files: "record", cure: "check", keep: "add", learn: "add", refit: "compare", export: "use" }[name] ?? name;
     trouble[where in RENDER ? where : "record"] = error.message;
     say(error.message);
   }

@@ -13,7 +13,14 @@ const LOOKS = {
   also0: { stroke: "--rival", width: 1.5, dash: [2, 3] },
   also1: { stroke: "--good", width: 1.5, dash: [9, 3, 2, 3] },
   also2: { stroke: "--noise", width: 1.8 },
+  command: { stroke: "--measured", width: 1.4 },
+  true: { stroke: "--measured", width: 1.4 },
+  other: { stroke: "--rival", width: 1.8, dash: [7, 4] },
+  low: { stroke: "--noise", width: 0 },
+  high: { stroke: "--noise", width: 0 },
+  distance: { stroke: "--residual", width: 1.4 },
 };
+const EDGES = ["low", "high"]; // of a band that is shaded
 const LABELS = { recorded: "recorded", measured: "measured", simulated: "simulated", residual: "residual: measured less simulated" };
 
 export function legend(names) {
@@ -26,8 +33,9 @@ export function legend(names) {
 export class Stack {
   // ask(span) returns {plots, span}; rows says which curves go into which plot: [{curves, height}];
   // density: points asked for, for each pixel of width.
-  constructor(element, ask, rows, density = 3) {
-    Object.assign(this, { element, ask, rows, density, charts: [], span: [null, null], whole: null, shaded: [], pending: null, drawn: 0 });
+  // labels: name of a curve -> what it is called where it is read
+  constructor(element, ask, rows, density = 3, labels = {}) {
+    Object.assign(this, { element, ask, rows, density, labels, charts: [], span: [null, null], whole: null, shaded: [], pending: null, drawn: 0 });
     element.classList.add("plots");
     element.tabIndex = 0;
     element.setAttribute("role", "group");
@@ -96,8 +104,9 @@ export class Stack {
     const reading = h("div", { class: "reading", "aria-hidden": true });
     const read = (v) => {
       const k = v.cursor.idx;
-      const text = (j) => `${names[j].replace(/^also\d/, "other model")} ${number(v.data[j + 1][k], 4)}`;
-      reading.textContent = k === null || k === undefined ? "" : `${number(v.data[0][k], 6)}${this.over === "row" ? "" : " s"}: ${names.map((_, j) => text(j)).join(", ")}${p.unit && p.unit !== "-" ? ` ${p.unit}` : ""}`;
+      const called = (name) => this.labels[name] ?? name.replace(/^also\d/, "other model");
+      const text = (j) => `${called(names[j])} ${number(v.data[j + 1][k], 4)}`;
+      reading.textContent = k === null || k === undefined ? "" : `${number(v.data[0][k], 6)}${this.over === "row" ? "" : " s"}: ${names.flatMap((n, j) => (EDGES.includes(n) ? [] : [text(j)])).join(", ")}${p.unit && p.unit !== "-" ? ` ${p.unit}` : ""}`;
     };
     const u = new uPlot({
       width: Math.max(this.element.clientWidth, 300),
@@ -109,6 +118,7 @@ export class Stack {
         { ...axis, ticks: { ...axis.ticks, show: last }, size: last ? 42 : 8, values: last ? undefined : (_, s) => s.map(() => ""), label: last ? this.over : undefined, labelSize: last ? 18 : 0 },
         { ...axis, size: 64, space: 22, label, labelSize: 18, values: (_, s) => s.map((v) => number(v, 4)) },
       ],
+      bands: EDGES.every((n) => names.includes(n)) ? [{ series: [1 + names.indexOf("high"), 1 + names.indexOf("low")], fill: css("--grid") }] : [],
       series: [{}, ...names.map((n) => ({ label: n, stroke: css(LOOKS[n].stroke), width: LOOKS[n].width, dash: LOOKS[n].dash, points: { show: false } }))],
       hooks: { setCursor: [read], setSelect: [(v) => this.selected(v)], drawClear: [(v) => this.shade(v)] },
     }, data, holder);

@@ -2,33 +2,15 @@
 
 import * as api from "./api.js";
 import { h, fill, number, unit, words } from "./dom.js";
-import { Stack, legend } from "./plots.js";
+import { planning } from "./planning.js";
+import { legend } from "./plots.js";
+import { plots, stackOf } from "./stacks.js";
 import { evidence, ladder, scatter, spectrum } from "./svg.js";
 import { Tuner } from "./tune.js";
 
-const stacks = new Map();
 const RAW = [{ curves: ["recorded"], height: 120 }];
 const ALSO = ["also0", "also1", "also2"];
 const PAIR = [{ curves: ["measured", "simulated", ...ALSO], height: 180 }, { curves: ["residual"], height: 110 }, { curves: ["recorded"], height: 80 }];
-
-export function restyle() {
-  for (const { stack } of stacks.values()) stack.restyle();
-}
-
-// The plots of a place, kept as long as they show the same thing.
-function plots(place, key, ask, rows) {
-  const held = stacks.get(place);
-  if (held?.key === key) return held.stack.element;
-  const room = held?.stack.element.offsetHeight ?? 0; // kept until the new ones are drawn
-  held?.stack.clear();
-  const stack = new Stack(h("div", { id: `plots-${place}` }), ask, rows);
-  if (room) stack.element.style.minHeight = `${room}px`;
-  stacks.set(place, { key, stack });
-  requestAnimationFrame(() => stack.load([null, null]).catch((e) => fill(stack.element, h("p", { class: "error" }, e.message))));
-  return stack.element;
-}
-
-const stackOf = (place) => stacks.get(place)?.stack;
 
 export function command(text) {
   if (!text) return null;
@@ -423,7 +405,7 @@ function diagnose(block, state, go) {
     found(block.result, block.unseen),
     rows?.length > 0 && h("details", { id: "errors" }, h("summary", {}, "The error, step by step"), errors(rows, state.model?.signals)),
     h("details", { id: "ranking" }, h("summary", {}, "All effects that competed, best first"), ranking(json.ranking)),
-    json.experiments?.length > 0 && h("details", {}, h("summary", {}, "What to record to find out more"), h("ul", {}, json.experiments.map((n) => h("li", {}, n)))),
+    planning(block, state, go),
     json.notes?.length > 0 && h("details", {}, h("summary", {}, json.notes.length === 1 ? "1 note" : `${json.notes.length} notes`), h("ul", {}, json.notes.map((n) => h("li", {}, short(n, state))))),
   ];
 }
