@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
+import numpy as np
+
 from signlin_ros.checks.base import OfColumns, values_of, with_channel
 from signlin_ros.checks.effort_scale import effort_scale
 from signlin_ros.checks.finding import Finding
@@ -186,11 +188,26 @@ def driven(look: Look, p: LinearPrediction | Together, left: float, scales: Mapp
 
 
 def _consistent(look: Look, factors: Mapping[str, float]) -> bool:
-    """Tell whether position and velocity, where they tell of each other, agree when divided by factors."""
+    """Tell whether position and velocity, where they tell of each other, agree when divided by factors; and whether the
+    position in a loop comes no further away from its goal, whose size it has.
+    """
+    if look.model.plant.closed_loop and not _nearer(look, factors):
+        return False
     travel = look.travel
     if travel is None or not travel.known:
         return True
     return abs(travel.factor * factors.get(look.position, 1.0) / factors.get(look.velocity, 1.0) - 1.0) < EQUAL
+
+
+def _nearer(look: Look, factors: Mapping[str, float]) -> bool:
+    """Tell whether a position divided by factors is about as large as its goal is then, or comes nearer to that."""
+    goal, position = look.model.inputs[0], look.position
+    sizes = [float(np.nanstd(values_of(look.record, name))) for name in (position, goal)]
+    if min(sizes) <= 0.0:
+        return True
+    apart = math.log(sizes[0] / sizes[1])
+    read = apart - math.log(abs(factors.get(position, 1.0) / factors.get(goal, 1.0)))
+    return abs(read) <= abs(apart)
 
 
 def _rank(look: Look, r: Reading) -> tuple[int, int, bool]:

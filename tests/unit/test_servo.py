@@ -1,11 +1,14 @@
 """A servo: its loop, what is known of its records, and logs as BAM writes them."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from signlin_ros.checks.look import Look
+from signlin_ros.checks.unit_or_sign import _consistent
 from signlin_ros.errors import ModelError, RecordError
 from signlin_ros.fitting.prepare import held_in_turn
 from signlin_ros.linearization import linearize
@@ -289,6 +292,16 @@ def test_hold_out_makes_records_of_a_condition_validation_data_in_python_too():
     assert found.sources == ("kp100.csv", "kp400.csv")
     with pytest.raises(RecordError, match="kp=300: no record has it; kp is known to be 100, 200, 400"):
         compare(servo(with_inputs=()), records, hold_out={"kp": 300.0})
+
+
+@pytest.mark.parametrize(
+    ("shown", "factor", "consistent"), [(1.0, 2 * np.pi, False), (57.3, 57.3, True), (1.0, -1.0, True)]
+)
+def test_a_position_in_a_loop_is_in_a_unit_in_which_it_comes_to_its_goal(shown, factor, consistent):
+    model, record = servo(with_inputs=(), kp=400.0), simulated(400.0, 1)
+    measured = {**record.measured, "position": shown * record.measured["position"]}
+    look = Look(model, replace(record, measured=measured))
+    assert _consistent(look, {"position": factor}) == consistent
 
 
 def with_load(said, true, full=885.0):
