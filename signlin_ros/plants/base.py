@@ -53,6 +53,8 @@ class Plant(HasPars):
     act on the loop's error), and a free run stays near what was measured."""
     beside: ClassVar[tuple[str, ...]] = ()
     """What records may hold beside, as the output of the loop: records are checked by it, nothing is fitted to it."""
+    benches: ClassVar[tuple[str, ...]] = ()
+    """Parameters that belong to a record, as the load of a test bench does: the page asks for them."""
     scaled_by_effort: ClassVar[tuple[str, ...]] = ()
     """Parameters that a wrong scale of the input, or of a force that is measured, multiplies all alike."""
     effort: ClassVar[str] = "force"

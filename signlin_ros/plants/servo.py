@@ -39,6 +39,7 @@ class Servo(Plant):
     }
     closed_loop = True
     beside = ("load",)
+    benches: ClassVar[tuple[str, ...]] = ("kp", "mass", "length", "vin")
     scaled_by_effort = ("J", "inertia")
 
     K_t = Par("N·m/A", nominal=0.35, positive=True, doc="torque constant, and back-EMF constant in V·s/rad")

@@ -61,7 +61,7 @@ async def drop(s: Session, args: Args) -> None:
     s.change(f"without {gone['file']}", "record", "reading", s.look, records=records)
 
 
-def _one(records: list[dict[str, str]], args: Args) -> dict[str, str]:
+def _one(records: list[dict[str, Any]], args: Args) -> dict[str, Any]:
     found = [r for r in records if r["file"] == args.get("file")]
     if not found:
         raise InputError("no such record")
@@ -90,6 +90,22 @@ async def map_signal(s: Session, args: Args) -> None:
         s.change(f"time = {said or 'as it was read'}", "record", "reading", job, **_said(s, table, {signal: said}))
         return
     _remap(s, table["files"], {signal: said})
+
+
+async def known(s: Session, args: Args) -> None:
+    """Say what is known of a record, as its gain or its load; an empty value takes it back."""
+    records: list[dict[str, Any]] = [dict(r) for r in s.project.choices["records"]]
+    one, name, said = _one(records, args), str(args.get("name")), str(args.get("value") or "").strip().replace(",", ".")
+    allowed = (questions.described(s) or {}).get("conditions", {})
+    if name not in allowed:
+        raise InputError(f"no condition of a record: {name!r}; there are: {', '.join(allowed) or 'none'}")
+    try:
+        float(said or 0.0)
+    except ValueError:
+        raise InputError(f"{name} of {one['file']}: found {said!r}; allowed: a number") from None
+    one["known"] = {k: v for k, v in {**one.get("known", {}), name: said}.items() if v}
+    told = f"{name} of {one['file']}: {said or 'not said'}"
+    s.change(told, "record", "reading", s.look, records=records, path=[])
 
 
 async def remap(s: Session, args: Args) -> None:
@@ -274,7 +290,7 @@ def _possible(s: Session, stage: str) -> None:
 ACTIONS: dict[str, Callable[[Session, Args], Awaitable[None]]] = {
     f.__name__: f
     for f in (
-        *(take, sample, model, role, drop, map_signal, remap, apart, cure, undo, redo, check, compare, diagnose),
+        *(take, sample, model, role, drop, map_signal, known, remap, apart, cure, undo, redo, check, compare, diagnose),
         *(add, learn, refit, write, keep, export, use, cancel, clear, trust, plan, unplan),
     )
 }

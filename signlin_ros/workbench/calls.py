@@ -71,6 +71,7 @@ def describe(args: Args, say: Say) -> Answer:
         "states": list(model.states),
         "signals": {name: model.units[name] for name in signals},
         "effects": list(model.effects),
+        "conditions": {name: model.parameters[name] for name in model.plant.benches if name in model.parameters},
         "parameters": tuning.parameters(model),
         "yaml": file.read_text(encoding="utf-8"),
         "file": str(file),

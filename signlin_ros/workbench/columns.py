@@ -1,8 +1,8 @@
 """Which column of which record is which signal: records with the same columns share a mapping. No numerics.
 
 A record of the project holds under ``signals`` what was said of it by hand: signal -> column or formula, "" for what
-was not measured, ``t`` for the time. What the reader finds by itself and what is proposed comes from the worker
-(`proposing`).
+was not measured, ``t`` for the time; under ``known`` conditions, as its gain: parameter -> value. What the reader finds
+by itself and what is proposed comes from the worker (`proposing`).
 """
 
 from __future__ import annotations
@@ -164,10 +164,11 @@ def lacks(table: Table) -> str:
 def signals(s: Session, files: Sequence[str]) -> dict[str, str]:
     """Return what ``--signal`` says of records, by their paths: what was said by hand, and what was proposed."""
     found: dict[str, dict[str, str]] = {}
+    known = {record["file"]: record.get("known", {}) for record in s.project.choices["records"]}
     for table in tables(s):
         said = {r["signal"]: r["column"] for r in table["rows"] if r["column"] and (r["set"] or r["proposed"])}
         said |= {TIME_COLUMN: table["time"]} if table["time"] else {}
-        found |= {s.project.path(file): said for file in table["files"]}
+        found |= {s.project.path(file): said | known[file] for file in table["files"]}
     return together({file: found.get(file, {}) for file in files})
 
 

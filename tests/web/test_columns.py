@@ -105,6 +105,41 @@ def test_no_two_signals_are_one_column_and_no_stage_says_otherwise(
     assert "as you set it: voltage = c2, current = c3, speed = c4" in looked
 
 
+SERVO = {
+    "plant": "servo",
+    "parameters": {"K_t": 0.6, "R": 2.5, "J": 0.005, "mass": 0.3, "length": 0.2, "kp": 800.0, "vin": 11.1}
+    | {"duty_per_error": 0.004},
+    "effects": {"viscous_friction": {"b": 0.02}, "coulomb_friction": {"mu": 0.03}},
+    "frozen": ["mass", "length", "kp", "duty_per_error", "vin"],
+    "tolerance": 0.2,
+    "update_period": 0.05,
+}
+
+
+def test_what_is_known_of_a_record_is_said_of_it_alone(project: Project, client: Client, tmp_path: Path) -> None:
+    t = 0.01 * np.arange(300)
+    for name, size in (("a.csv", 0.4), ("b.csv", 0.8)):
+        table = np.column_stack([t, size * np.sin(4 * t), 0.9 * size * np.sin(4 * t - 0.1)])
+        np.savetxt(tmp_path / name, table, delimiter=",", header="t,goal_position,position", comments="", fmt="%.6g")
+    (tmp_path / "servo.yaml").write_text(yaml.safe_dump({"/**": {"ros__parameters": SERVO}}))
+    state = project.take(tmp_path / "servo.yaml", tmp_path / "a.csv", tmp_path / "b.csv")
+    assert state["model"]["conditions"] == {"kp": 800.0, "mass": 0.3, "length": 0.2, "vin": 11.1}
+    project.do("known", file="a.csv", name="kp", value="400")
+    state = project.do("known", file="b.csv", name="mass", value="0,5")
+    assert [r.get("known") for r in state["records"]] == [{"kp": "400"}, {"mass": "0.5"}]
+    assert stages(state)["check"]["command"].endswith("--signal a.csv:kp=400 --signal b.csv:mass=0.5")
+    assert [table["files"] for table in state["mapping"]] == [["a.csv", "b.csv"]]
+    state = project.do("known", file="a.csv", name="kp", value="")
+    assert stages(state)["check"]["command"].endswith("b.csv --signal b.csv:mass=0.5")
+    for name, value, words in (
+        ("kp", "much", "found 'much'; allowed: a number"),
+        ("J", "1", "there are: kp, mass, length"),
+    ):
+        status, text = client.act(project.id, "known", file="a.csv", name=name, value=value)
+        assert status == 400
+        assert words in text
+
+
 def test_a_mapping_is_kept_when_another_model_or_record_comes(
     project: Project, hidden_effect: Path, tmp_path: Path
 ) -> None:

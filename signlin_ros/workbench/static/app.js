@@ -49,7 +49,7 @@ async function go(name, args) {
     if (name === "files") await take(args);
     else await api.act(name, args ?? {});
   } catch (error) {
-    const where = { map_signal: "record", remap: "check", apart: "record", model: "record", role: "record", drop: "record", plan: "diagnose", unplan: "diagnose", trust: "record", write: "record", sample: "record", files: "record", cure: "check", keep: "add", learn: "add", refit: "compare", export: "use" }[name] ?? name;
+    const where = { map_signal: "record", remap: "check", apart: "record", known: "record", model: "record", role: "record", drop: "record", plan: "diagnose", unplan: "diagnose", trust: "record", write: "record", sample: "record", files: "record", cure: "check", keep: "add", learn: "add", refit: "compare", export: "use" }[name] ?? name;
     trouble[where in RENDER ? where : "record"] = error.message;
     say(error.message);
   }

@@ -96,6 +96,9 @@ function records(state, go) {
   const role = (r) => h("select", { id: `role-${r.file}`, "aria-label": `What ${r.name} is for`, disabled: only,
     onchange: () => go("role", { file: r.file }) },
     [["estimation", "for the fit"], ["validation", "unseen by the fit"]].map(([value, text]) => h("option", { value, selected: r.role === value }, text)));
+  const conditions = Object.entries(state.model?.conditions ?? {}); // what belongs to a record, not to the model
+  const known = (r) => conditions.map(([name, value]) => h("label", { class: "condition" }, `${name} `,
+    field(`known-${name}-${r.file}`, `${name} of ${r.name}`, r.known?.[name] ?? "", number(value), (text) => go("known", { file: r.file, name, value: text }))));
   const row = (r) => h("tr", {},
     h("td", { class: "name", title: r.name }, r.name),
     h("td", {}, role(r), only && h("div", { class: "quiet" }, "but its last third")),
@@ -103,8 +106,9 @@ function records(state, go) {
     h("td", { class: "number" }, r.found && !r.found.error ? `${number(r.found.end - r.found.start, 4)} s` : ""),
     h("td", { class: "number" }, r.found && !r.found.error ? `${number(1 / r.found.step, 4)} Hz` : ""),
     h("td", {}, r.found?.notes.join("; ")),
+    conditions.length > 0 && h("td", {}, known(r)),
     h("td", {}, h("button", { class: "small", id: `drop-${r.file}`, "aria-label": `Take out ${r.name}`, onclick: () => go("drop", { file: r.file }) }, "Take out")));
-  return h("table", {}, h("thead", {}, h("tr", {}, ["record", "used", "samples", "length", "rate", "noted", ""].map((t, i) => h("th", { class: i > 1 && i < 5 ? "number" : "", scope: "col" }, t)))),
+  return h("table", {}, h("thead", {}, h("tr", {}, ["record", "used", "samples", "length", "rate", "noted", ...(conditions.length ? ["known of it, where the file does not say"] : []), ""].map((t, i) => h("th", { class: i > 1 && i < 5 ? "number" : "", scope: "col" }, t)))),
     h("tbody", {}, state.records.map(row)));
 }
 
