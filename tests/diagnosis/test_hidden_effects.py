@@ -52,6 +52,8 @@ def test_shared_records(truth):
     else:
         assert found.verdict == "missing"
         assert named(found) == hidden
+    assert found.model.input_hold == "forward"  # of commands, whatever is hidden
+    assert not [note for note in found.notes if "input_hold" in note]
     noise = truth["noise_sigma"]["validation"]
     if found.verdict != "unexplained":
         worst = max(s.rmse / noise[c] for c, s in found.ladder[-1].validation.channels.items() if noise[c] > 1e-4)
