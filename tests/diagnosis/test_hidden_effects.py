@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import os
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,6 +26,17 @@ def records(folder: Path):
     model = Model.load(folder / "model.yaml")
     model, data = load_records(model, [str(folder / f"{part}.csv") for part in ("estimation", "validation")])
     return model, data[:1], data[1:]
+
+
+def risen(ladder: list[dict[str, Any]], alike: float = 1.01) -> list[str]:
+    """Return the rows of a table that are worse with an effect than without it, so that it shows: step by step."""
+    rows = []
+    for before, after in pairwise(ladder):
+        first, last = (step["validation"] for step in (before, after))
+        rows += [n for n in first if n != "score" and last[n]["rmse"] > alike * first[n]["rmse"]]
+        force = [step["missing_force_percent"] for step in (before, after)]
+        rows += ["missing force"] if None not in force and force[1] > alike * force[0] else []
+    return rows
 
 
 def named(found) -> set[str]:
@@ -54,6 +67,8 @@ def test_shared_records(truth):
         assert named(found) == hidden
     assert found.model.input_hold == "forward"  # of commands, whatever is hidden
     assert not [note for note in found.notes if "input_hold" in note]
+    if found.verdict == "missing" or any(e.status == "confirmed" for e in found.ranking):
+        assert risen([row.to_json() for row in found.ladder]) == []
     noise = truth["noise_sigma"]["validation"]
     if found.verdict != "unexplained":
         worst = max(s.rmse / noise[c] for c, s in found.ladder[-1].validation.channels.items() if noise[c] > 1e-4)
