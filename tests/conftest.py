@@ -20,8 +20,9 @@ from hypothesis import settings
 from tests.once import FOLDER
 
 HERE = Path(__file__).parent
-YIELD = 5
-"""How much nicer the tests without ROS are than those with it: these watch the clock of a live system."""
+YIELD = 15
+"""How much nicer the tests without ROS are than those with it: these watch the clock of a live system, and what takes
+long in that gives way (`NICE` of nodes/diagnosing.py) to its own callbacks, not to other tests."""
 SPENT = "processor time"
 
 settings.register_profile("signlin", deadline=None)  # on a busy machine an example may take long: no failure

@@ -11,6 +11,7 @@ import pytest
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed: pip install 'signlin_ros[ros]'")
 
+from domain_coordinator import domain_id
 from std_msgs.msg import Float64, Float64MultiArray, String
 from std_srvs.srv import Trigger
 
@@ -89,13 +90,17 @@ def test_what_is_found_is_applied_and_taken_back(graph: Any, tmp_path: Path) -> 
 
 
 @pytest.mark.slow
+@pytest.mark.ros  # it starts processes, and what it waits for takes minutes where other tests have the processor
+@pytest.mark.xdist_group("ros_naming")  # beside the others, in a domain of its own
 def test_a_change_is_called_then_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
     from live_changes import NOMINAL, RATE, Machine
     from live_ros import watched
 
     rig = Machine(np.random.default_rng(3200))
-    called, began, names = watched(rig, NOMINAL, "load", 12.0, 300.0, 8.0, RATE, naming=True)
+    with domain_id() as domain:
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+        called, began, names = watched(rig, NOMINAL, "load", 12.0, 300.0, 8.0, RATE, naming=True)
     assert called is not None
     assert 12.0 <= called < 17.0
     assert began is not None
