@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from signlin_ros.diagnosis import diagnose
 from tests.diagnosis.test_sensitive import drawn
 from tests.diagnosis.test_traps import proposed
@@ -14,7 +16,8 @@ def test_what_the_uncertainty_of_parameters_makes_on_other_motion_decides_nothin
     assert proposed(found) == {"linear_stiffness"}
 
 
-def test_several_effects_that_imitate_one_are_not_named_for_what_noise_in_the_input_may_leave(tmp_path):
+@pytest.mark.long  # the same law, shorter: test_dependence
+def test_several_effects_do_not_stand_for_one_that_is_not_listed(tmp_path):
     """Coulomb friction, presliding and a cubic spring explained 95 %."""
     given, truth = drawn(tmp_path, "outside", 12, 39)
     assert truth["laws"] == ["root_friction"]
