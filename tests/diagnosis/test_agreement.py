@@ -161,7 +161,7 @@ class Motion:
         return OutputErrorEstimator.settles(self, before, after)
 
 
-def force_witness(
+def equation_error_stub(
     *laws: str,
     effects: tuple[str, ...] = (),
     structure: bool = False,
@@ -213,7 +213,7 @@ BASE = Fit((), (3.0,), 2.0)
 LAWS = ("coulomb_friction", "stribeck_friction", "gravity_load")
 
 
-def test_a_silent_force_witness_is_no_veto(monkeypatch):
+def test_an_equation_error_that_finds_nothing_is_no_veto(monkeypatch):
     second = Fit(("input_delay",), (NOISE,), 1.0, white=True)
     monkeypatch.setattr(Motion, "search", lambda motion, depth, names, single: [[motion.base], [second]], raising=False)
     w = both(Motion(BASE), None)
@@ -222,10 +222,10 @@ def test_a_silent_force_witness_is_no_veto(monkeypatch):
     assert w.percent_of_effort(w.force_mse(second)) is None
 
 
-def test_a_model_that_leaves_more_force_than_the_base_is_not_stood_for():
+def test_a_model_that_leaves_more_force_than_the_base_is_not_selected():
     """A play follows the motion of a record with noise in its force; it takes none of that force away."""
     second = Fit(("compliant_load",), (1.0,), 2.6)
-    final, conflict = chosen(force_witness(*LAWS), BASE, [], second)
+    final, conflict = chosen(equation_error_stub(*LAWS), BASE, [], second)
     assert final is BASE
     assert "compliant load" in conflict
     assert "more force" in conflict
@@ -233,45 +233,45 @@ def test_a_model_that_leaves_more_force_than_the_base_is_not_stood_for():
 
 def test_a_static_name_is_not_displaced_by_memory_that_leaves_more_force():
     first, second = Fit(("coulomb_friction",), (1.0,), 0.5), Fit(("compliant_load",), (0.4,), 1.5)
-    final, conflict = chosen(force_witness(*LAWS), BASE, [first], second)
+    final, conflict = chosen(equation_error_stub(*LAWS), BASE, [first], second)
     assert final is first
     assert "compliant load" in conflict
 
 
-def test_what_the_force_witness_cannot_see_may_be_added_where_the_force_does_not_rise():
+def test_an_effect_without_a_force_may_be_added_where_the_force_residual_does_not_rise():
     first = Fit(("coulomb_friction",), (1.0,), 0.5)
     second = Fit(("coulomb_friction", "input_delay"), (0.3,), 0.5)
-    final, conflict = chosen(force_witness(*LAWS), BASE, [first], second)
+    final, conflict = chosen(equation_error_stub(*LAWS), BASE, [first], second)
     assert final is second
     assert conflict == ""
 
 
-def test_what_the_force_witness_can_see_it_must_see():
+def test_a_law_with_a_force_must_lower_the_force_residual():
     first = Fit(("coulomb_friction",), (1.0,), 0.5)
     blind = Fit(("coulomb_friction", "gravity_load"), (0.3,), 0.5)
-    assert chosen(force_witness(*LAWS), BASE, [first], blind)[0] is first
+    assert chosen(equation_error_stub(*LAWS), BASE, [first], blind)[0] is first
     seen = Fit(("coulomb_friction", "gravity_load"), (0.3,), 0.2)
-    assert chosen(force_witness(*LAWS), BASE, [first], seen)[0] is seen
+    assert chosen(equation_error_stub(*LAWS), BASE, [first], seen)[0] is seen
 
 
 def test_what_the_force_neither_sees_nor_names_it_does_not_veto():
     """A weight was refused three motors since 17.7 % of the effort, of which 9 % are noise, rise to 21 % with it."""
     base, law = Fit((), (3.0,), 0.018), Fit(("gravity_load",), (NOISE,), 0.022, white=True)
-    assert chosen(force_witness(*LAWS), base, [], law) == (law, "")
-    found = judged(law, base, force_witness(*LAWS))
+    assert chosen(equation_error_stub(*LAWS), base, [], law) == (law, "")
+    found = judged(law, base, equation_error_stub(*LAWS))
     assert (found.label, found.percent) == ("missing", None)
     more = Fit(("gravity_load",), (1.0,), 0.022)  # what leaves more than noise is held against the force
-    assert chosen(force_witness(*LAWS), base, [], more)[0] is base
-    named = force_witness(*LAWS, effects=("coulomb_friction",))  # so is everything where the force has a name
+    assert chosen(equation_error_stub(*LAWS), base, [], more)[0] is base
+    named = equation_error_stub(*LAWS, effects=("coulomb_friction",))  # so is everything where the force has a name
     named.fit, named.base = SimpleNamespace(validation_mse=0.018**2), SimpleNamespace(validation_mse=0.018**2)
     assert chosen(named, base, [], law)[0] is base
 
 
-def test_what_is_better_in_most_blocks_and_worse_on_the_whole_is_not_stood_for():
+def test_a_model_better_in_most_blocks_and_worse_in_all_is_not_selected():
     """A play took a motor's position from 0.0103 to 0.0124 rad, by 4.7 standard errors of logarithms of blocks."""
     first, second = Fit(("coulomb_friction",), (1.0,), 0.5), Fit(("coulomb_friction", "input_delay"), (0.3,), 0.5)
     object.__setattr__(second, "log_mse", first.log_mse + 0.1)
-    assert chosen(force_witness(*LAWS), BASE, [first], second)[0] is first
+    assert chosen(equation_error_stub(*LAWS), BASE, [first], second)[0] is first
 
 
 class Tail(Fit):
@@ -288,16 +288,16 @@ def test_beside_what_is_confirmed_no_printed_error_rises_beyond_its_standard_err
     base = Fit((), (3.0, 3.0), 2.0)
     first = Fit(("coulomb_friction",), (1.0, 1.0), 0.5)
     second = Tail(("coulomb_friction", "input_delay"), (0.3, 1.0), 0.5)
-    w = both(Motion(base), force_witness(*LAWS), base, first, second)
+    w = both(Motion(base), equation_error_stub(*LAWS), base, first, second)
     assert second.log_mse < first.log_mse
     assert not w.rising_channel(first, second, DEFAULT_CRITERIA.max_rise_t)
     assert w.rising_channel(first, second, 1.0) == "current"
-    assert chosen(force_witness(*LAWS), base, [first], second)[0] is first
+    assert chosen(equation_error_stub(*LAWS), base, [first], second)[0] is first
 
 
 def test_what_the_force_shows_and_the_motion_refuses_is_told_and_not_replaced():
     """A motor that its own waves throw about: a load on a coupling and a late sensor took the place of seven waves."""
-    force = force_witness(*LAWS, effects=("torque_ripple",))
+    force = equation_error_stub(*LAWS, effects=("torque_ripple",))
     force.fit, force.base = SimpleNamespace(validation_mse=0.3), SimpleNamespace(validation_mse=4.0)
     final, conflict = chosen(force, BASE, [], Fit(("compliant_load", "sensor_delay"), (1.0,), 1.9))
     assert final is BASE
@@ -312,7 +312,7 @@ def test_what_the_force_shows_and_the_motion_refuses_is_told_and_not_replaced():
 def test_a_richer_model_that_gains_nothing_gains_nothing():
     first = Fit(("coulomb_friction",), (1.0,), 0.5)
     same = Fit(("coulomb_friction", "input_delay"), (1.0,), 0.5)
-    assert chosen(force_witness(*LAWS), BASE, [first], same)[0] is first
+    assert chosen(equation_error_stub(*LAWS), BASE, [first], same)[0] is first
 
 
 # ---------------------------------------------------------------- the verdict
@@ -332,7 +332,7 @@ def test_of_what_is_as_good_the_one_with_the_fewest_parameters_is_named():
     """A wave of order nine, or a loop, over 0.6 of its period stood for a constant load."""
     wave = Fit(("bouc_wen_hysteresis",), (1.0,), 1.0, parameters=3)
     load = Fit(("constant_load",), (1.0,), 1.0, parameters=1)
-    w = both(Asking(BASE), force_witness(), BASE, wave, load, tried=[load])
+    w = both(Asking(BASE), equation_error_stub(), BASE, wave, load, tried=[load])
     assert selection.smallest_as_good(w, wave).effects == ("constant_load",)
 
 
@@ -341,7 +341,7 @@ def test_the_simpler_law_that_is_as_good_is_named(rms, taken):
     """LuGre friction that could not be told from Stribeck's hid Coulomb friction, which erred less."""
     richer = Fit(("stribeck_friction",), (1.0,), 1.0, parameters=3)
     simpler = Fit(("coulomb_friction",), (rms,), 1.0, parameters=1)
-    w = both(Asking(BASE), force_witness(), BASE, richer, simpler, tried=[simpler])
+    w = both(Asking(BASE), equation_error_stub(), BASE, richer, simpler, tried=[simpler])
     assert selection.smallest_as_good(w, richer).effects == (taken,)
 
 
@@ -382,7 +382,7 @@ def test_each_of_several_laws_takes_force_away(without, verdict, monkeypatch):
     final = Fit(("coulomb_friction", "gravity_load"), (0.5,), 0.4)
     rest = {n: Fit((n,), (1.0,), x) for n, x in (("gravity_load", without), ("coulomb_friction", 1.5))}
     monkeypatch.setattr(ValidationTests, "without", lambda t, n: rest[next(m for m in final.effects if m != n)])
-    force = force_witness(*LAWS, effects=final.effects)
+    force = equation_error_stub(*LAWS, effects=final.effects)
     w = both(Motion(BASE), force, BASE, final, *rest.values())
     assert verdict_of(w, Selection(final)).label == verdict
 
@@ -391,10 +391,10 @@ COULOMB = Fit(("coulomb_friction",), (0.5,), 0.4)
 
 
 def sees(**options: Any) -> Any:
-    return force_witness(*LAWS, effects=("coulomb_friction",), **options)
+    return equation_error_stub(*LAWS, effects=("coulomb_friction",), **options)
 
 
-def test_what_both_stand_for_is_missing_though_something_is_left():
+def test_an_effect_of_both_estimates_is_missing_though_something_is_left():
     found = judged(COULOMB, force=sees())
     assert found.evidence.force_shows(found.final)
     assert not found.final.white
@@ -412,7 +412,9 @@ def test_what_is_found_with_a_far_parameter_held_at_nominal_too_is_missing(monke
 def test_what_leaves_most_of_the_effort_explains_a_part(force, why):
     """A weight that was called two springs: the missing force falls from 278 % of the effort to 77.9 %."""
     base = Fit((), (3.0,), 3.0 * EFFORT)
-    j = judged(Fit(("linear_stiffness",), (1.0,), force), base, force=force_witness(effects=("linear_stiffness",)))
+    j = judged(
+        Fit(("linear_stiffness",), (1.0,), force), base, force=equation_error_stub(effects=("linear_stiffness",))
+    )
     assert j.reason == why
     if why:
         assert "explains a part" in j.sentence
@@ -442,7 +444,7 @@ def test_near_the_sensors_noise_what_is_left_must_be_noise():
     assert judged(replace(near, white=True), force=sees()).label == "missing"
 
 
-def test_what_unseen_data_do_not_tell_of_is_not_stood_for_where_nothing_is_missing_without_it(monkeypatch):
+def test_an_effect_that_validation_data_cannot_decide_on_is_dropped(monkeypatch):
     """A spring with 0.24 % of the effort left was "unexplained", for a hysteresis that one reversal does not tell."""
     monkeypatch.setattr(ValidationTests, "no_better", True)
     noise, hysteresis = Fit((), (NOISE,), 0.01, white=True), Fit(("dahl_presliding",), (NOISE,), 0.01, white=True)
@@ -538,7 +540,7 @@ def test_a_loop_that_leaves_more_than_a_quarter_of_the_effort_is_one_of_its_fami
     monkeypatch.setattr(Dataset, "seldom", property(lambda self: False))
     base, left = Fit((), (3.0,), 0.9 * EFFORT), percent / 100.0 * EFFORT
     final = Fit(("dahl_presliding",), (0.5,), left)
-    found = judged(final, base, force_witness(*LAWS, effects=final.effects))
+    found = judged(final, base, equation_error_stub(*LAWS, effects=final.effects))
     assert (found.reason, found.loop) == (("loop", "dahl_presliding") if told else ("", ""))
     assert told in found.sentence
 
@@ -629,7 +631,7 @@ def test_a_sign_that_is_wrong_goes_before_everything(monkeypatch):
 
 def test_noise_is_adequate_whoever_sees_it():
     noise = Fit((), (NOISE,), 0.005, white=True)
-    for force in (None, force_witness(*LAWS)):
+    for force in (None, equation_error_stub(*LAWS)):
         found = judged(noise, noise, force)
         assert found.label == "adequate"
 
@@ -637,21 +639,21 @@ def test_noise_is_adequate_whoever_sees_it():
 def test_what_follows_nothing_is_not_adequate_however_noisy_its_channel():
     """Two publishers in one channel: what they leave is as white as noise, and as large as the motion."""
     nothing = Fit((), (0.7 * SPREAD,), 0.005, white=True)
-    found = judged(nothing, nothing, force_witness(*LAWS))
+    found = judged(nothing, nothing, equation_error_stub(*LAWS))
     assert found.label == "unexplained"
     assert found.sentence.startswith("The speed fits no model")
 
 
 def test_a_large_force_that_nothing_takes_away_is_not_adequate():
     odd = Fit((), (3.0,), 0.1 * EFFORT)
-    assert judged(odd, odd, force_witness(*LAWS)).label == "unexplained"
+    assert judged(odd, odd, equation_error_stub(*LAWS)).label == "unexplained"
 
 
 @pytest.mark.parametrize(("rms", "verdict"), [(0.04 * SPREAD, "adequate"), (0.06 * SPREAD, "unexplained")])
 def test_a_motion_that_is_followed_badly_is_not_adequate_for_its_little_force(rms, verdict):
     """A motor in steps: 2 % of the effort left, and its speed errs by ten times its sensor's noise, a tenth of it."""
     odd = Fit((), (rms,), 0.03 * EFFORT)
-    assert judged(odd, odd, force_witness(*LAWS)).label == verdict
+    assert judged(odd, odd, equation_error_stub(*LAWS)).label == verdict
 
 
 # ---------------------------------------------------------------- words
@@ -679,8 +681,8 @@ def in_the_tables(j: Judged) -> set[str]:
         (COULOMB, sees(structure=True, flexible=0.5), ""),
         (COULOMB, sees(), "input delay would follow the motion better"),
         (Fit(("coulomb_friction",), (0.5,), 0.4, away={"K_m": 45.0}), sees(), ""),
-        (Fit((), (NOISE,), 0.005, white=True), force_witness(*LAWS), ""),
-        (Fit((), (3.0,), 1.5), force_witness(*LAWS, structure=True, flexible=2.0), ""),
+        (Fit((), (NOISE,), 0.005, white=True), equation_error_stub(*LAWS), ""),
+        (Fit((), (3.0,), 1.5), equation_error_stub(*LAWS, structure=True, flexible=2.0), ""),
     ],
     ids=["missing", "a curve", "conflict", "far", "adequate", "unexplained"],
 )
@@ -801,7 +803,7 @@ def test_what_would_take_most_away_but_not_surely_is_told_with_the_number_of_its
     monkeypatch.setattr(Motion, "t_ratio", lambda self, before, after: certainty, raising=False)
     monkeypatch.setattr(Fit, "size", 1, raising=False)
     odd = Fit((), (3.0,), 0.1 * EFFORT)
-    j = judged(odd, odd, force_witness(*LAWS))
+    j = judged(odd, odd, equation_error_stub(*LAWS))
     j.evidence.cache.keep(COULOMB)
     text = j.sentence
     assert ("Too little was recorded to tell what is missing: coulomb friction would" in text) is told
@@ -901,7 +903,7 @@ def test_what_alone_leaves_but_noise_explains_what_others_do_not(monkeypatch):
 
 
 @pytest.mark.parametrize("final", [(), ("linear_stiffness",), ("linear_stiffness", "hard_stop")])
-def test_before_nothing_or_more_than_one_is_named_every_law_is_fitted_from_all_its_starts(final, monkeypatch):
+def test_every_law_is_fitted_before_none_or_several_are_named(final, monkeypatch):
     """A winding that warms, a cubic spring, a loop that hardens had not been among the promising after a few steps."""
     whole = Fit(("thermal_resistance",), (NOISE,), 1.0, white=True)
     asked = list[tuple[str, ...]]()
@@ -930,13 +932,13 @@ def test_one_law_goes_before_another_that_leaves_surely_more(rms, force, taken):
     """Not where the motion hardly gains, nor where it leaves more force."""
     first = Fit(("dahl_presliding",), (1.0,), 1.0, parameters=2)
     loop = Fit(("bouc_wen_hysteresis",), (rms,), force, parameters=3)
-    w = both(Asking(BASE), force_witness(*LAWS), BASE, first, loop, tried=[first, loop])
+    w = both(Asking(BASE), equation_error_stub(*LAWS), BASE, first, loop, tried=[first, loop])
     assert (selection.better_option(w, first, [first, loop]) is loop) is taken
 
 
 @pytest.mark.parametrize("current", [True, False])
 def test_a_limit_of_the_voltage_is_no_part_of_a_measured_current(current):
-    w = both(Motion(BASE), force_witness(*LAWS, current=current))
+    w = both(Motion(BASE), equation_error_stub(*LAWS, current=current))
     one = Fit(("coulomb_friction", "input_saturation"), (1.0,), 0.5)
     assert w.force_comparable(one)  # where it acts on the force, that is told in parts of the effort that is left of it
     assert w.force_comparable(Fit(one.effects, (1.0,), 0.5, white=True)) is not current
@@ -947,7 +949,7 @@ def test_a_limit_of_the_voltage_is_no_part_of_a_measured_current(current):
 @pytest.mark.parametrize(("share", "laws"), [(0.04, set()), (0.06, {"stribeck_friction"}), (0.001, None)])
 def test_the_motion_is_searched_for_what_the_force_does_not_rule_out(share, laws):
     """For all that there is where the force is not seen; for no law where there is little force, and none found."""
-    force = force_witness(*LAWS, helpful=("stribeck_friction",))
+    force = equation_error_stub(*LAWS, helpful=("stribeck_friction",))
     squares = {BASE: np.full(BLOCKS, (share * EFFORT) ** 2)}
     names = selection._names_to_search(both(Motion(BASE), force, kept=squares))
     assert (names is None) == (laws is None)
@@ -955,7 +957,7 @@ def test_the_motion_is_searched_for_what_the_force_does_not_rule_out(share, laws
 
 
 def test_a_law_that_the_force_proposes_is_searched_for_however_little_there_is():
-    force = force_witness(*LAWS, effects=("coulomb_friction",), helpful=("coulomb_friction",))
+    force = equation_error_stub(*LAWS, effects=("coulomb_friction",), helpful=("coulomb_friction",))
     squares = {BASE: np.full(BLOCKS, (0.04 * EFFORT) ** 2)}
     assert "coulomb_friction" in (selection._names_to_search(both(Motion(BASE), force, kept=squares)) or ())
 
@@ -965,7 +967,7 @@ def test_of_a_family_the_motion_is_asked_of_what_the_force_asks_for(seen, monkey
     """And of the best rival; where the force is not seen, of all."""
     monkeypatch.setattr(Evidence, "force_shows", lambda *_: seen)
     errors = {"coulomb_friction": 1.0, "stribeck_friction": 0.5, "lugre_friction": 0.9, "dahl_presliding": 0.995}
-    force = force_witness(*LAWS)
+    force = equation_error_stub(*LAWS)
     force.sets = {frozenset({n}): SimpleNamespace(validation_mse=e) for n, e in errors.items()}
     force.base = SimpleNamespace(validation_mse=2.0)
     found, richer = Fit(("coulomb_friction",), (10.0 * NOISE,), 1.0), list(errors)[1:]
@@ -977,7 +979,7 @@ def test_of_a_family_the_motion_is_asked_of_what_the_force_asks_for(seen, monkey
 
 
 def test_where_the_motion_is_imposed_the_motion_is_asked_of_every_law_of_a_family():
-    force, motion = force_witness(*LAWS), Motion(BASE, imposed=True)
+    force, motion = equation_error_stub(*LAWS), Motion(BASE, imposed=True)
     found, richer = Fit(("coulomb_friction",), (10.0 * NOISE,), 1.0), ["stribeck_friction", "dahl_presliding"]
     assert choice(force, {}, motion).worth_it(found, "coulomb_friction", richer) == richer
 
@@ -995,7 +997,7 @@ def test_a_richer_law_of_an_imposed_force_takes_half_of_what_is_left(rms, taken,
         richer, "insignificant", lambda criteria: "" if known else "sigma is not known to better than half"
     )
     object.__setattr__(richer, "level", 0.0)
-    motion, force = Motion(base, imposed=True), force_witness(*LAWS)
+    motion, force = Motion(base, imposed=True), equation_error_stub(*LAWS)
     motion.as_good_as_best = lambda before, options: []
     found_ones = choice(force, left(base, found, richer), motion).of_one_force(found, [richer])
     assert found_ones == ([richer] if named else [])
@@ -1009,7 +1011,7 @@ def test_what_the_force_takes_for_as_good_the_motion_decides_where_it_is_imposed
     for f in (found, other):
         object.__setattr__(f, "insignificant", lambda criteria: "")
         object.__setattr__(f, "level", 0.0)
-    motion, force = Motion(base, imposed=True), force_witness(*LAWS)
+    motion, force = Motion(base, imposed=True), equation_error_stub(*LAWS)
     motion.as_good_as_best, motion.fitted = (lambda before, options: []), (lambda names, model: other)
     force.fit = SimpleNamespace(validation_mse=1.2)
     better = SimpleNamespace(validation_mse=1.1, members=(("bouc_wen_hysteresis", ()),))

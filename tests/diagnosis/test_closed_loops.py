@@ -65,7 +65,7 @@ def diagnosed(seed: int, friction: Callable[[float], float], load: Callable[[flo
 
 
 @pytest.mark.limit(UNSURE)
-def test_one_rich_law_does_not_stand_for_two_simple_ones():
+def test_one_rich_law_is_not_named_for_two_simple_ones():
     found = diagnosed(1, lambda v: 0.06, lambda q: -0.16 * np.sin(q))
     assert found.verdict == "missing"
     assert "coulomb_friction" in proposed(found)

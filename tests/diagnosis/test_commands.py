@@ -132,7 +132,7 @@ def test_what_was_done_to_a_record_is_said_everywhere(added):
         assert words in html
 
 
-def test_the_model_that_is_written_loads_where_it_stands_and_has_no_position_that_nothing_needs(added):
+def test_the_written_model_loads_in_place_and_has_no_needless_position(added):
     folder, content, _ = added
     model = Model.load(folder / "sub" / "new.yaml")
     assert content["model"] == (folder / "sub" / "new.yaml").read_text()

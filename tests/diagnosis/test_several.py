@@ -52,6 +52,6 @@ def test_three_plain_effects_are_not_taken_for_a_rich_one():
     assert found.parameters["linear_stiffness.k"].value == pytest.approx(CABLE, rel=0.03)
 
 
-def test_three_plain_effects_do_not_stand_for_what_is_not_listed():
+def test_three_plain_effects_are_not_named_for_an_unlisted_one():
     found = diagnose(NOMINAL, *(lift(seed, lambda v: FRICTION * (1.0 + v**0.5)) for seed in (7, 8)))
     assert found.verdict == "unexplained"

@@ -13,7 +13,7 @@ import pytest
 
 from signlin_ros.diagnosis.equation_error.search import SubsetSearch
 from signlin_ros.diagnosis.equation_error.subsets import Subsets
-from tests.diagnosis.test_force_witness import searched
+from tests.diagnosis.test_equation_error import searched
 
 pytestmark = pytest.mark.xdist_group("subsets")  # what they share is worked out once
 

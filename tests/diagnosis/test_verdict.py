@@ -17,7 +17,7 @@ def test_what_the_uncertainty_of_parameters_makes_on_other_motion_decides_nothin
 
 
 @pytest.mark.long  # the same law, shorter: test_dependence
-def test_several_effects_do_not_stand_for_one_that_is_not_listed(tmp_path):
+def test_several_effects_are_not_named_for_an_unlisted_one(tmp_path):
     """Coulomb friction, presliding and a cubic spring explained 95 %."""
     given, truth = drawn(tmp_path, "outside", 12, 39)
     assert truth["laws"] == ["root_friction"]

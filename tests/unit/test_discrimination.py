@@ -100,7 +100,7 @@ def test_a_richer_law_must_lose_at_the_size_that_is_of_interest():
     assert undecided(evidence(), [tied], fitted("coulomb_friction")) == [tied]
 
 
-def test_a_rival_that_is_nothing_by_itself_and_one_that_holds_all_that_is_named_leave_no_doubt():
+def test_insignificant_rivals_and_supersets_leave_no_doubt():
     nothing, more = rival("gravity_load", errs=0.0), rival("coulomb_friction", "backlash", errs=0.0)
     w = evidence(("gravity_load",))
     assert undecided(w, [nothing, more], fitted("coulomb_friction")) == []

@@ -38,7 +38,7 @@ def fitted(squares: tuple[float, float], clean: bool = True, odd: bool = False, 
 # ---------------------------------------------------------------- a channel that errs more
 
 
-def test_a_model_that_leaves_noise_is_not_refused_for_a_channel_that_errs_a_little_more():
+def test_a_model_that_leaves_noise_may_err_a_little_more_in_a_channel():
     base, found = fitted((1.0, 300.0), clean=False), fitted((1.0, 1.0), unseen=(1.3, 1.0))
     assert OutputErrorEstimator.settles(estimator(), base, found)
 

@@ -270,7 +270,7 @@ def test_where_the_model_says_that_its_axis_is_rotary_nothing_is_assumed() -> No
     assert "force is 0.5 N·m throughout, as said" in throughout.notes
 
 
-def test_what_is_assumed_of_a_rotary_record_is_rotary_and_a_formula_states_its_own_conversion() -> None:
+def test_assumed_units_of_a_rotary_record_are_rotary() -> None:
     columns = {"force": (1, "N·m"), "displacement": (1, "deg"), "w": 1}
 
     def assumed(spec: str, **more: object) -> list[str]:

@@ -26,7 +26,7 @@ from signlin_ros.filters import sensor_noise
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 
-pytestmark = pytest.mark.xdist_group("force_witness")  # what they share is worked out once
+pytestmark = pytest.mark.xdist_group("equation_error")  # what they share is worked out once
 
 Array = NDArray[np.float64]
 STEP = 2e-3
@@ -331,7 +331,7 @@ def test_orders_behind_a_gear_are_those_of_the_motor_too():
     assert named(found)["cogging_torque"]["N"] == pytest.approx(7.5)
 
 
-def test_an_axis_whose_speed_alone_is_recorded_turns_for_both_witnesses():
+def test_an_axis_whose_speed_alone_is_recorded_turns_for_both_estimates():
     whole = record(1)
     shown = {"velocity": whole.measured["velocity"]}
     speed = replace(whole, measured=shown, units={"velocity": "rad/s"})
@@ -437,7 +437,7 @@ def test_a_dead_zone_that_is_there_leaves_no_force():
 
 
 @pytest.mark.parametrize(("weight", "level", "rate"), [(100.0, 15.0, 6.0), (150.0, 20.0, 12.0)])
-def test_friction_beside_a_weight_is_named_though_it_is_a_small_part_of_all_that_is_missing(weight, level, rate):
+def test_small_friction_beside_a_weight_is_named(weight, level, rate):
     """A weight is nearly all that is missing; friction is not the same both ways, so three laws leave more than
     noise."""
 
