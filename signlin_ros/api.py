@@ -372,7 +372,8 @@ def gains(
     at : mapping, optional
         An operating point by state, e.g. ``{"speed": 20.0}``; by default shares of the largest speed.
     period, delay : float
-        Seconds between updates; seconds from a sample until its input acts (default: one period).
+        Seconds between updates; the longest from a sample until its input acts in s (default: one period, and the
+        model's own). The law holds with every shorter delay, too.
     bandwidth : float, optional
         Of the loop in rad/s; by default 0.8 / (period + delay).
 
@@ -439,7 +440,8 @@ def controller(
     position : bool
         Whether the position is tracked, else the speed.
     period, delay : float
-        Seconds between updates; seconds from a sample until its input acts (default: one period).
+        Seconds between updates; the longest from a sample until its input acts in s (default: one period, and the
+        model's own). The law holds with every shorter delay, too.
     design : str
         A name of `signlin_ros.control.designs.DESIGNS`.
 
@@ -451,13 +453,15 @@ def controller(
     Raises
     ------
     InputError
-        The design is unknown.
+        The design is unknown, or no bandwidth holds with this period and delay.
     """
-    from signlin_ros.control.designs import Task, default_tuning, find_design
+    from signlin_ros.control.controller import ControllerSettings
+    from signlin_ros.control.designs import find_design
 
-    late = period if delay is None else delay
-    task = Task(position, period, late, limit, speed)
-    return find_design(design).law(_model(model), task, default_tuning(period, late))
+    settings = ControllerSettings(limit, design, position, period, delay or 0.0, speed)
+    found, chosen = _model(model), find_design(design)
+    task = settings.task(found)
+    return chosen.law(found, task, settings.tuning(chosen, found, task))
 
 
 # --------------------------------------------------------------------------- catalogue

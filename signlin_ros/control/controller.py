@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.control.designs import DEFAULT_DESIGN, Design, Task, Tuning, default_tuning, find_design
+from signlin_ros.control.approach import Reach
+from signlin_ros.control.designs import DEFAULT_DESIGN, Design, Task, Tuning, default_tuning, find_design, known
 from signlin_ros.control.drive import Drive, friction_free
+from signlin_ros.control.foretell import ForetoldLoop
 from signlin_ros.control.gains import largest_speed
+from signlin_ros.control.holding import holding
 from signlin_ros.control.inverse import MAX_STATE_STEP, InverseModel
 from signlin_ros.control.law import RunningLaw
-from signlin_ros.control.lqr import Weights
+from signlin_ros.control.supervision import Foretold
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model
 
@@ -24,6 +27,9 @@ class ControllerSettings:
     """What a user says of a controller; 0 for delay, speed and bandwidth: chosen from the model.
 
     Units: period and delay in s, limit in the input's unit, speed and tolerance in the model's, bandwidth in rad/s.
+    ``delay`` is the longest from a sample until its input acts; nobody knows it to the millisecond, so that the loop
+    has to hold with every one from the model's own up to it. ``runaway``: share by which the drive may be faster than
+    its reference.
     """
 
     limit: float
@@ -39,6 +45,7 @@ class ControllerSettings:
     floor: float = 0.02
     friction: float = 1.0
     turning: float = 1.0
+    runaway: float = 0.5
 
     def __post_init__(self) -> None:
         if not 0.0 < self.limit < np.inf:
@@ -48,13 +55,13 @@ class ControllerSettings:
         """Return what is asked for on a drive."""
         delay = self.delay or self.period + model.delay
         speed = self.speed or largest_speed(model)
-        return Task(self.position, self.period, delay, self.limit, speed, self.tolerance)
+        return Task(self.position, self.period, delay, self.limit, speed, self.tolerance, model.delay)
 
-    def tuning(self, task: Task) -> Tuning:
-        """Return the tuning asked for."""
-        bandwidth = self.bandwidth or default_tuning(task.period, task.delay).weights.bandwidth
-        weights = Weights(bandwidth, self.damping, self.integral)
-        return Tuning(weights, self.floor, self.friction, self.turning)
+    def tuning(self, design: Design, model: Model, task: Task) -> Tuning:
+        """Return the tuning asked for; raise `InputError` with the largest bandwidth that holds where it does not."""
+        weights = replace(default_tuning(task.period, task.delay).weights, damping=self.damping, integral=self.integral)
+        tuning = Tuning(weights, self.floor, self.friction, self.turning)
+        return holding(design, model, task, tuning, self.bandwidth)
 
 
 class Ahead:
@@ -70,7 +77,7 @@ class Ahead:
         self._models = [InverseModel(Drive.of(m, with_position=task.position), width) for m in wanted]
         parts = max(1, int(np.ceil(task.period / MAX_STATE_STEP)))
         self._h = task.period / parts
-        self._ages = task.delay + self._h * (np.arange(parts) + 0.5)
+        self._ages = np.mean(task.delays) + self._h * (np.arange(parts) + 0.5)
 
     def reset(self, position: float) -> None:
         """Begin anew at rest at a position."""
@@ -95,26 +102,40 @@ class Controller:
             raise InputError(f"{model.source}: a controller drives one input; the model has {', '.join(model.inputs)}")
         design = find_design(settings.design)
         self.model, self.settings, self.task = model, settings, settings.task(model)
-        tuning = settings.tuning(self.task)
-        self.law = design.law(model, self.task, tuning)
-        self._running, self._ahead = RunningLaw(self.law), Ahead(design, model, self.task, tuning)
-        self.reset(0.0)
+        self.tuning = settings.tuning(design, model, self.task)
+        self.law = design.law(model, self.task, self.tuning)
+        self._running, self._ahead = RunningLaw(self.law), Ahead(design, model, self.task, self.tuning)
+        self._foretold = ForetoldLoop(model, self.task, self.law)
+        self.reset(np.zeros(2))
         self.step(np.zeros(3), np.zeros(2))  # what is compiled is compiled before time counts
-        self.reset(0.0)
+        self.reset(np.zeros(2))
 
-    def reset(self, position: float) -> None:
-        """Forget what has been: the drive stands at a position."""
+    @property
+    def bandwidth(self) -> float:
+        """Bandwidth in rad/s that the gains are made for."""
+        return self.tuning.weights.bandwidth
+
+    @property
+    def reach(self) -> Reach:
+        """What a way back to the reference may ask of the drive."""
+        return Reach.of(known(self.model, self.task), self.task, self.bandwidth)
+
+    def reset(self, measured: Array) -> None:
+        """Forget what has been: the drive has a position and a speed (2,)."""
         self._running.reset()
-        self._ahead.reset(position)
+        self._ahead.reset(float(measured[0]))
+        self._foretold.reset(measured)
+        self.foretold: Foretold | None = None
 
     def step(self, reference: Array, measured: Array, now: Array | None = None) -> float:
         """Return the input for the next period, within the limit.
 
         reference : (3,) position, speed, acceleration at the time of what is measured; ``now``: those now, if later.
         measured : (2,) position, speed. Where the speed is tracked, a position that the model knows of is the measured
-        one: waves stand where the drive is.
+        one: waves stand where the drive is. ``foretold`` is then what simulation says of this period.
         """
         ahead = reference if now is None else now
         q = ahead[0] if self.settings.position else measured[0]
         feed = self._ahead(float(q), float(ahead[1]), float(ahead[2]))
+        self.foretold = self._foretold.step(ahead, feed) if self._foretold.possible else None
         return self._running(np.ascontiguousarray(reference[:2]), np.ascontiguousarray(measured), feed)

@@ -42,6 +42,7 @@ class Task:
     limit : largest |u|.
     speed : largest speed of the references.
     tolerance : error that need not be removed where the reference stands still.
+    least : the shortest delay in s where it is not known exactly, and ``delay`` is the longest; None: it is.
     """
 
     position: bool
@@ -50,6 +51,23 @@ class Task:
     limit: float
     speed: float
     tolerance: float = 0.0
+    least: float | None = None
+
+    @property
+    def delays(self) -> tuple[float, float]:
+        """The shortest and the longest delay in s."""
+        return (self.delay if self.least is None else min(self.least, self.delay)), self.delay
+
+    @property
+    def believed(self) -> float:
+        """The delay in s that gains are made for: of those that are possible, one that serves all of them."""
+        shortest, longest = self.delays
+        return shortest + BELIEVED * (longest - shortest)
+
+
+BELIEVED = 0.75
+"""Where between the shortest and the longest delay gains are made for: there a drive that is an inertia keeps its
+margins at the largest bandwidth."""
 
 
 @dataclass(frozen=True)
@@ -128,6 +146,17 @@ def known(model: Model, task: Task, bare: bool = False) -> Constants:
     return _known(_key(_bare(key)) if bare else key, task.position, task.speed)
 
 
+def friction_free_part(model: Model) -> Model:
+    """Return `friction_free` of a model, once for each."""
+    return _bare(_key(model))
+
+
+def jacobian(model: Model, x: Array) -> tuple[Array, Array]:
+    """Return the Jacobian A (n, n) and B (n, m) of a model at a state x (n,) without input."""
+    result = _linearizer(_key(model), "jacobian").batch(x[None, :])
+    return result.A[0], result.B[0]
+
+
 @dataclass(frozen=True)
 class Reduced:
     """A_k, B_k, c at P points in terms of the input, with the current as it settles: u = kV v + kA a + kP q + k0.
@@ -182,7 +211,7 @@ def _two(row: Array) -> tuple[Array, Array]:
 
 def _linear(model: Model, task: Task, tuning: Tuning, bare: bool = True) -> ControlLaw:
     c = known(model, task, bare)
-    gains = lqr_gains(c.kV, c.kA, c.kP, tuning.weights, task.period, task.delay, task.position)
+    gains = lqr_gains(c.kV, c.kA, c.kP, tuning.weights, task.period, task.believed, task.position)
     return _law(task, *_two(gains.row), width=tuning.floor * task.speed)
 
 
@@ -204,7 +233,7 @@ def _scheduled(model: Model, task: Task, tuning: Tuning, floor: float, by_state:
     grid = _grid(task, 1e-3)
     found = secants(model, np.maximum(grid, floor * task.speed))
     kP = known(model, task, bare=True).kP
-    rows = lqr_rows(found.kV, found.kA, kP, tuning.weights, task.period, task.delay, task.position)
+    rows = lqr_rows(found.kV, found.kA, kP, tuning.weights, task.period, task.believed, task.position)
     return _law(task, grid, rows, by_state=by_state, width=tuning.floor * task.speed)
 
 

@@ -14,6 +14,7 @@ from signlin_ros.control.constants import Constants
 from signlin_ros.control.designs import (
     DEFAULT_DESIGN,
     DESIGNS,
+    Design,
     Task,
     Tuning,
     default_tuning,
@@ -22,7 +23,8 @@ from signlin_ros.control.designs import (
     reduced,
 )
 from signlin_ros.control.drive import NO_FORCES, NO_SLOT, Drive, friction_free
-from signlin_ros.control.lqr import FeedbackGains, Weights, lqr_gains, pid_gains
+from signlin_ros.control.holding import calmed, holding, margins_at
+from signlin_ros.control.lqr import FeedbackGains, lqr_gains, pid_gains
 from signlin_ros.control.reference import Profile, sine
 from signlin_ros.control.tracking import TrackingBench
 from signlin_ros.model import Model
@@ -40,7 +42,7 @@ TRACKING_RTOL = 1e-5
 class Wishes:
     """What gains are asked for: s between updates, delay of the loop in s, largest speed and |u|, a bandwidth.
 
-    None: chosen from the model.
+    None: chosen from the model. The delay is the longest; a loop has to hold with every one from the model's own on.
     """
 
     period: float = 0.02
@@ -49,10 +51,15 @@ class Wishes:
     limit: float | None = None
     bandwidth: float | None = None
 
-    def tuning(self, model: Model) -> Tuning:
-        """Return the tuning wished for."""
+    def tuning(self, model: Model, position: bool, design: str = DEFAULT_DESIGN) -> Tuning:
+        """Return the tuning of a loop: the bandwidth wished for, or the largest that holds there."""
         tuning = default_tuning(self.period, self.delay_of(model))
-        return tuning if self.bandwidth is None else Tuning(Weights(self.bandwidth))
+        return calmed(DESIGNS[design], model, self.task(model, position), tuning, self.bandwidth or 0.0)
+
+    def check(self, model: Model) -> None:
+        """Raise `InputError` with the largest bandwidth that holds where the one wished for does not, for a speed."""
+        tuning = default_tuning(self.period, self.delay_of(model))
+        holding(DESIGNS[DEFAULT_DESIGN], model, self.task(model, False), tuning, self.bandwidth or 0.0)
 
     def delay_of(self, model: Model) -> float:
         """Return the delay of the loop: one period, and that of the model's input, unless wished otherwise."""
@@ -62,7 +69,7 @@ class Wishes:
         """Return the task wished for."""
         speed = largest_speed(model) if self.speed is None else self.speed
         limit = largest_input(model) if self.limit is None else self.limit
-        return Task(position, self.period, self.delay_of(model), limit, speed)
+        return Task(position, self.period, self.delay_of(model), limit, speed, least=model.delay)
 
 
 def largest_speed(model: Model) -> float:
@@ -80,7 +87,8 @@ def largest_input(model: Model) -> float:
 def gains_content(model: Model, at: Mapping[str, float], wishes: Wishes) -> dict[str, Any]:
     """Return gains and feed-forward as the JSON object of schemas/gains.json; ``at`` names an operating point."""
     drive = Drive.of(model)
-    tuning, task = wishes.tuning(model), wishes.task(model, position=False)
+    wishes.check(model)
+    tuning, task = wishes.tuning(model, position=False), wishes.task(model, position=False)
     whole, bare = known(model, task), known(model, task, bare=True)
     return {
         "model": model.source,
@@ -92,9 +100,9 @@ def gains_content(model: Model, at: Mapping[str, float], wishes: Wishes) -> dict
         "weights": {name: getattr(tuning.weights, name) for name in ("bandwidth", "damping", "integral")},
         "feed_forward": _constants(whole),
         "friction_free": _constants(bare),
-        "speed_loop": _loop(whole, tuning, task, position=False),
-        "position_loop": _loop(whole, tuning, task, position=True),
-        "operating_points": _points(model, drive, at, tuning, task),
+        "speed_loop": _loop(model, whole, wishes, position=False),
+        "position_loop": _loop(model, whole, wishes, position=True),
+        "operating_points": _points(model, drive, at, wishes.tuning(model, drive.position != NO_SLOT), task),
         "design": DEFAULT_DESIGN,
         "predicted": {kind: predicted(model, wishes, kind == "position") for kind in ("speed", "position")},
     }
@@ -109,11 +117,23 @@ def _lqr(found: FeedbackGains, position: bool) -> dict[str, Any]:
     return {**place, "k_v": found.k_v, "k_i": found.k_i, "past_inputs": list(found.past)}
 
 
-def _loop(c: Constants, tuning: Tuning, task: Task, position: bool) -> dict[str, Any]:
-    found = lqr_gains(c.kV, c.kA, c.kP, tuning.weights, task.period, task.delay, position)
-    plain = pid_gains(c, tuning.weights, position)
+def _loop(model: Model, c: Constants, wishes: Wishes, position: bool) -> dict[str, Any]:
+    """Return the gains of a loop, each with a bandwidth that it holds, and its largest sensitivity."""
+    task = wishes.task(model, position)
+    tuned = {name: wishes.tuning(model, position, name) for name in (DEFAULT_DESIGN, "pid")}
+    found = lqr_gains(c.kV, c.kA, c.kP, tuned[DEFAULT_DESIGN].weights, task.period, task.believed, position)
+    plain = pid_gains(known(model, task, bare=True), tuned["pid"].weights, position)
     pid = {"K_p": plain.k_q, "K_i": plain.k_i, "K_d": plain.k_v} if position else {"K_p": plain.k_v, "K_i": plain.k_i}
-    return {"lqr": _lqr(found, position), "pid" if position else "pi": pid}
+    held = {name: _held(DESIGNS[name], model, task, tuning) for name, tuning in tuned.items()}
+    return {
+        "lqr": {**_lqr(found, position), **held[DEFAULT_DESIGN]},
+        "pid" if position else "pi": {**pid, **held["pid"]},
+    }
+
+
+def _held(design: Design, model: Model, task: Task, tuning: Tuning) -> dict[str, float]:
+    bandwidth = tuning.weights.bandwidth
+    return {"bandwidth": bandwidth, "sensitivity": margins_at(design, model, task, tuning)(bandwidth).sensitivity}
 
 
 # --------------------------------------------------------------------------- A_k
@@ -136,7 +156,7 @@ def _point(
 ) -> dict[str, Any]:
     """Return one point; a position loop is designed where position is a state, else a speed loop."""
     position = drive.position != NO_SLOT
-    gains = lqr_gains(kV, kA, kP, tuning.weights, task.period, task.delay, position)
+    gains = lqr_gains(kV, kA, kP, tuning.weights, task.period, task.believed, position)
     return {
         "state": dict(zip(drive.model.states, x.tolist(), strict=True)),
         "kV": float(kV),
@@ -167,7 +187,8 @@ def predicted(model: Model, wishes: Wishes, position: bool) -> list[dict[str, An
 
 
 def _error(plant: Drive, profile: Profile, model: Model, wishes: Wishes, position: bool) -> dict[str, float]:
-    task, tuning, design = wishes.task(plant.model, position), wishes.tuning(plant.model), DESIGNS[DEFAULT_DESIGN]
+    task, tuning = wishes.task(plant.model, position), wishes.tuning(plant.model, position)
+    design = DESIGNS[DEFAULT_DESIGN]
     bench = TrackingBench(plant, profile, task.period, max(task.delay - plant.model.delay, 0.0))
     feed = feed_along(design, model, task, tuning, profile, bench.count)
     run = bench.run(design.law(model, task, tuning), feed, TRACKING_RTOL)

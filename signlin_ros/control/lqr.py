@@ -168,5 +168,8 @@ def pid_gains(constants: Constants, weights: Weights, position: bool) -> Feedbac
     A, B = rigid(constants.kV, constants.kA, constants.kP, position)
     Q, R = weights.matrices(constants.kA, position)
     price = np.array([[float(R)]])
-    K = np.linalg.solve(price, B.T @ solve_continuous_are(A, B, Q, price))[0]
+    try:
+        K = np.linalg.solve(price, B.T @ solve_continuous_are(A, B, Q, price))[0]
+    except (np.linalg.LinAlgError, ValueError):
+        raise InputError("no PI(D) for these weights: the drive cannot be stabilized") from None
     return FeedbackGains(float(K[1]) if position else 0.0, float(K[-1]), float(K[0]))

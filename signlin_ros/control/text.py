@@ -21,8 +21,8 @@ def gains_text(c: Mapping[str, Any]) -> str:
     """Return gains as text: constants, gains of both loops, A_k at speeds, and what each effect is worth."""
     w = c["weights"]
     head = (
-        f"{c['model']}: {c['input']['name']} [{c['input']['unit']}] every {c['period']:g} s, delay {c['delay']:g} s,"
-        f" speeds up to {c['speed']:.3g} {c['units']['speed']}\n"
+        f"{c['model']}: {c['input']['name']} [{c['input']['unit']}] every {c['period']:g} s,"
+        f" delay up to {c['delay']:g} s, speeds up to {c['speed']:.3g} {c['units']['speed']}\n"
         f"bandwidth {w['bandwidth']:.3g} rad/s, damping {w['damping']:g}, integral {w['integral']:g}"
     )
     return "\n\n".join([head, _constants(c), _loops(c), _points(c), _predicted(c)])
@@ -60,7 +60,7 @@ def _loops(c: Mapping[str, Any]) -> str:
         _row("position, LQR with integral", c["position_loop"]["lqr"]),
         _row("position, PID", c["position_loop"]["pid"]),
     ]
-    return "gains on the errors\n" + table(rows)
+    return "gains on the errors, each with a bandwidth [rad/s] that it holds at any delay\n" + table(rows)
 
 
 def _points(c: Mapping[str, Any]) -> str:

@@ -1,12 +1,14 @@
 """The node ``controller``: references and states in, the input of the drive out, friction fed forward.
 
 Subscribes ``reference``, ``state`` or ``joint_states``, ``linearizer/model`` and ``linearizer/model_yaml``; publishes
-``input`` and ``/diagnostics``.
+``input`` and ``/diagnostics``; service ``~/resume``.
 """
 
 from __future__ import annotations
 
-from concurrent.futures import Future, ThreadPoolExecutor
+import sys
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -14,13 +16,16 @@ from rclpy.clock import Clock, ClockType, JumpThreshold
 from rclpy.duration import Duration
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header, String
+from std_srvs.srv import Trigger
 
 from signlin_ros.control.controller import Controller, ControllerSettings
 from signlin_ros.control.designs import DEFAULT_DESIGN, DESIGNS
 from signlin_ros.errors import InputError
 from signlin_ros.nodes import convert
 from signlin_ros.nodes.controller_logic import LONGEST_REFERENCE, ControllerLogic, Timeouts
+from signlin_ros.nodes.gather import Gathering
 from signlin_ros.nodes.joints import refuse_arm
+from signlin_ros.nodes.linearizer_logic import NANO
 from signlin_ros.nodes.overrides import Overridable
 from signlin_ros.nodes.parameters import ModelNode, on_change
 from signlin_ros.nodes.qos import LATCHED, NEWEST, RELIABLE
@@ -32,14 +37,14 @@ OPTIONS = {
     "control_period": Overridable(0.02, "time between two inputs [s]", 1e-3, 10.0),
     "limit": Overridable(0.0, "largest |input|, in its unit; must be given", 0.0, 1e9),
     "loop_delay": Overridable(
-        0.0, "from a sample until its input acts [s]; 0: one period, and the model's delay", 0.0, 10.0
+        0.0, "the longest from a sample until its input acts [s]; 0: one period, and the model's delay", 0.0, 10.0
     ),
     "largest_speed": Overridable(0.0, "of the references; 0: what the model is made for", 0.0, 1e9),
     "tolerance_at_rest": Overridable(
         0.0, "error that may stay where the reference stands still", 0.0, 1e9, read_only=False
     ),
     "bandwidth": Overridable(
-        0.0, "of the feedback [rad/s]; 0: what the delay leaves room for", 0.0, 1e5, read_only=False
+        0.0, "of the feedback [rad/s]; 0: a calm one that period and delay leave room for", 0.0, 1e5, read_only=False
     ),
     "damping": Overridable(1.0, "weight of the speed in a position loop [-]", 0.0, 100.0, read_only=False),
     "integral": Overridable(1.0, "weight of the summed error [-]", 0.0, 100.0, read_only=False),
@@ -58,10 +63,20 @@ OPTIONS = {
     "reference_timeout": Overridable(0.0, "age of the reference [s] that stops the drive; 0: 0.5 s", 0.0, 1e6),
     "model_timeout": Overridable(0.0, "age of the model [s] that stops the drive; 0: three update periods", 0.0, 1e6),
     "needs_model": Overridable(True, "whether a linearizer must be publishing"),
+    "runaway": Overridable(
+        0.5, "share of the largest reference by which the speed may exceed it [-]", 0.01, 100.0, read_only=False
+    ),
+    "after_loss": Overridable(
+        "goes_on", "once data are back that were missing or stale", choices=("goes_on", "waits_for_resume")
+    ),
 }
+LONGEST_WAIT = 5e-3
+"""Seconds between two looks at whether other gains are ready."""
+SWITCH_TIME = 5e-4
+"""Seconds after which what makes other gains in a thread lets the loop have its turn."""
 INSTEAD = "signlin gains prints each joint's feed-forward for the arm's own controller"
 """What there is for an arm."""
-SETTINGS_OPTIONS = ("design", "limit", "bandwidth", "damping", "integral", "floor", "turning")
+SETTINGS_OPTIONS = ("design", "limit", "bandwidth", "damping", "integral", "floor", "turning", "runaway")
 """Options that are settings of the same name."""
 RENAMED_OPTIONS = {
     "friction_share": "friction",
@@ -90,19 +105,22 @@ class ControllerNode(ModelNode):
         self._check_position()
         option = self.options
         timeouts = Timeouts(option["state_timeout"], option["reference_timeout"], option["model_timeout"])
-        self.logic = ControllerLogic(self.model, settings_of(option), timeouts, option["needs_model"])
+        waits = option["after_loss"] == "waits_for_resume"
+        self.logic = ControllerLogic(self.model, settings_of(option), timeouts, option["needs_model"], waits)
         self._input = self.create_publisher(Float64MultiArray, "input", RELIABLE)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self.create_subscription(Float64MultiArray, "reference", self._on_reference, NEWEST)
+        self._heard = [self._gathering(Float64MultiArray, "reference", self._take_reference, waking=True)]
         self.create_subscription(Float64MultiArray, "linearizer/model", self._on_model, LATCHED)
         self.create_subscription(String, "linearizer/model_yaml", self._on_yaml, LATCHED)
         if option["state_source"] == "array":
-            self.create_subscription(Float64MultiArray, "state", self._on_state, NEWEST)
-        else:
-            self.create_subscription(JointState, "joint_states", self._on_joint_state, NEWEST)
+            self._heard.append(self._gathering(Float64MultiArray, "state", self._take_state, waking=False))
+        else:  # a speed that is not told is derived from all positions
+            self._heard.append(self._gathering(JointState, "joint_states", self._take_joint_state, waking=True))
+        self.create_service(Trigger, "~/resume", self._on_resume)
         self._timer = self.create_timer(option["control_period"], self._on_period)
         self._slow_timer = self.create_timer(1.0, self._on_second, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        self._latest = 0
+        self._latest = self._due = self._not_before = 0
+        self._period = round(option["control_period"] * NANO)
         self._aside = ThreadPoolExecutor(1)
         self._coming: Future[Controller | InputError] | None = None
         backward = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True)
@@ -119,14 +137,18 @@ class ControllerNode(ModelNode):
 
     # ---------------------------------------------------------------- messages
 
-    def _on_reference(self, message: Float64MultiArray) -> None:
+    def _gathering(self, kind: type, topic: str, take: Callable[[Any, int], None], waking: bool) -> Gathering:
+        """Subscribe to the newest message of a topic, with the time at which it was sent."""
+        return Gathering(self, kind, topic, take, NEWEST, lambda: 0.0, sent=True, waking=waking)
+
+    def _take_reference(self, message: Float64MultiArray, sent: int) -> None:
         length = min(max(len(message.data), 1), LONGEST_REFERENCE)
-        self.logic.take_reference(convert.read_vector(message, length), self.now())
+        self.logic.take_reference(convert.read_vector(message, length), sent)
 
-    def _on_state(self, message: Float64MultiArray) -> None:
-        self.logic.take_state(convert.read_vector(message, len(self.logic.measured)), self.now())
+    def _take_state(self, message: Float64MultiArray, sent: int) -> None:
+        self.logic.take_state(convert.read_vector(message, len(self.logic.measured)), sent)
 
-    def _on_joint_state(self, message: JointState) -> None:
+    def _take_joint_state(self, message: JointState, _: int) -> None:
         joint = convert.read_joint(message, self.options["joint_name"])
         self.logic.take_measured(joint, convert.nanoseconds(message.header.stamp), self.now())
 
@@ -141,12 +163,27 @@ class ControllerNode(ModelNode):
             self._coming = self._aside.submit(self.logic.prepared, model)
 
     def _on_period(self) -> None:
+        if self.now() >= self._not_before:
+            self._step()
+
+    def _step(self) -> None:
+        """Take what is newest, and publish an input."""
+        self._due = self.now() + self._period
+        for heard in self._heard:  # what waits is newer than what was taken, and the executor's turn may have been late
+            heard.pump()
         if self._coming is not None and self._coming.done():
             self.logic.take_prepared(self._coming.result())
             self._coming = None
         u = self.logic.output(self.now())
         if u is not None:
             self._input.publish(convert.vector(u, "input"))
+
+    def _on_resume(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        was = self.logic.resume()
+        response.success = bool(was)
+        response.message = f"goes on after: {was}" if was else "there is no fault to go on after"
+        self.get_logger().info(response.message)
+        return response
 
     def destroy_node(self) -> None:
         """Leave the drive without input."""
@@ -162,6 +199,7 @@ class ControllerNode(ModelNode):
         if self.logic.active:
             self._input.publish(convert.vector([0.0], "input"))
         self.logic.reset()
+        self._due = self._not_before = 0
         self._timer.reset()
 
     def _on_second(self) -> None:
@@ -185,13 +223,26 @@ class ControllerNode(ModelNode):
         for name, value in changes.items():
             if name in OPTIONS:
                 OPTIONS[name].check(name, value)
-        ControllerLogic(self.logic.model, settings_of({**self.options, **changes}))
+        settings = settings_of({**self.options, **changes})
+        self._changed = self._beside(lambda: Controller(self.logic.model, settings))
+
+    def _beside(self, work: Callable[[], Controller]) -> Controller:
+        """Do what takes its time in a thread; the executor waits for this callback, so that the loop goes on in it."""
+        with ThreadPoolExecutor(1) as pool:
+            future = pool.submit(work)
+            while not future.done():
+                wait([future], timeout=max(min((self._due - self.now()) / NANO, LONGEST_WAIT), 0.0))
+                if self.now() >= self._due:
+                    self._step()
+            self._not_before = self._due - self._period // 2  # the timer's turn has been taken
+            return future.result()
 
     def _apply_changes(self, changes: dict[str, Any]) -> None:
         self.options |= {name: value for name, value in changes.items() if name in OPTIONS}
-        self.logic.configure(self.logic.model, settings_of(self.options))
+        self.logic.use(self._changed)
 
 
 def main() -> int:
     """Run the node; return the exit code."""
+    sys.setswitchinterval(SWITCH_TIME)
     return run("controller", ControllerNode)

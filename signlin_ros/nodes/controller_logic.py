@@ -1,7 +1,9 @@
 """What the controller node does, without ROS: references, states and models in, one input per period out.
 
 Time is a whole number of nanoseconds of one clock, and is passed in. Whatever is missing, stale or bad stops the drive:
-the input is 0 from the next period on, until all is well again.
+the input is 0 from the next period on. It goes on from where the drive is, with an approach to the reference
+(`signlin_ros.control.approach`). After a fault of the loop itself (`signlin_ros.control.supervision`) it goes on only
+when it is asked to.
 """
 
 from __future__ import annotations
@@ -14,19 +16,22 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.control.approach import Approach
 from signlin_ros.control.controller import Controller, ControllerSettings
+from signlin_ros.control.supervision import SpeedNoise, Supervisor
 from signlin_ros.errors import InputError
 from signlin_ros.estimate import CausalDerivative
 from signlin_ros.model import Model
 from signlin_ros.nodes.linearizer_logic import ERROR, LEVEL_OK, NANO, WARN, Health, Refusal
+from signlin_ros.nodes.loop_times import LoopTimes
 
 Array = NDArray[np.float64]
 LONGEST_REFERENCE = 3
 """Values of a reference at most: what is tracked, its rate, and the rate of that."""
 GOES_ON = 2
 """Periods for which a reference goes on as it was."""
-LATE_PERIODS = 2
-"""Periods between two inputs from which on the later one counts as late."""
+OLD_MODEL = 2.0
+"""Update periods after which a linear model is told to be old."""
 MODEL_HEAD = 6
 """Numbers before the matrices in a message of the linearizer."""
 
@@ -61,15 +66,23 @@ class ControllerLogic:
     model, settings : what is controlled, and how.
     timeouts : ages that stop the drive.
     needs_model : whether a linearizer must be publishing.
+    asks : whether it waits to be asked (`resume`) after whatever was missing or stale, too.
     """
 
     def __init__(
-        self, model: Model, settings: ControllerSettings, timeouts: Timeouts | None = None, needs_model: bool = True
+        self,
+        model: Model,
+        settings: ControllerSettings,
+        timeouts: Timeouts | None = None,
+        needs_model: bool = True,
+        asks: bool = False,
     ) -> None:
         self.refused: Counter[str] = Counter()
         self.last_refusal: Refusal | None = None
-        self.late = 0
-        self.timeouts, self.needs_model = timeouts or Timeouts(), needs_model
+        self.stops = 0
+        self.timeouts, self.needs_model, self.asks = timeouts or Timeouts(), needs_model, asks
+        self.fault = self.last_stop = ""
+        self._noise = SpeedNoise()
         self.measured = model.states
         self.configure(model, settings)
         self.reset()
@@ -78,22 +91,30 @@ class ControllerLogic:
 
     def configure(self, model: Model, settings: ControllerSettings) -> None:
         """Take another model or other settings; may raise `InputError`, and then nothing has changed."""
-        self._use(Controller(model, settings))
+        self.use(Controller(model, settings))
         self._announced = model
 
-    def _use(self, controller: Controller) -> None:
+    def use(self, controller: Controller) -> None:
+        """Take another controller, whose gains are made; the drive goes on from where it is."""
         self.controller, self.model, self.settings = controller, controller.model, controller.settings
         self._ages = self.timeouts.in_ns(self.settings.period, self.model.update_period)
+        settings = controller.settings
+        self.supervisor = Supervisor(
+            controller.task, controller.bandwidth, settings.floor, settings.runaway, self._noise
+        )
         self._running = False
 
     def reset(self) -> None:
-        """Forget all: the clock has jumped."""
+        """Forget all, but for a fault: the clock has jumped."""
         self._got: dict[str, _Got] = {}
         self._derivative = CausalDerivative()
         self._running = False
-        self._why, self._before = "waiting", 0
+        self._why, self._before, self._used = "waiting", 0, 0
+        self._approach: Approach | None = None
+        self._begun = 0
         self.active = False
         self.u = 0.0
+        self.times = LoopTimes(self.settings.period, self.controller.task.delay)
 
     # ---------------------------------------------------------------- input
 
@@ -108,7 +129,24 @@ class ControllerLogic:
         motion[place : place + given.size] = given
         if given.size == 1:
             motion[place + 1] = self._rate(float(given[0]), place, now)
+        before = self._got.get("reference")
+        if self._running and before is not None and self._jumps(before, motion, now):
+            if given.size == 1:
+                motion[place + 1] = 0.0
+            self._come_from(self._wanted(before, now), motion, now)
         self._got["reference"] = _Got(motion, now)
+
+    def _jumps(self, before: _Got, motion: Array, now: int) -> bool:
+        """Tell whether a reference is not where it can have come to: the drive cannot do it, nor what it asks for."""
+        reach, span = self.controller.reach, max(now - before.when, 1) / NANO
+        place = 0 if self.settings.position else 1
+        most = (2.0 * reach.speed, 2.0 * reach.acceleration)[place]
+        return bool(abs(motion[place] - before.values[place]) > most * max(span, self.settings.period))
+
+    def _come_from(self, motion: Array, reference: Array, now: int) -> None:
+        """Approach a reference (3,) from a motion (3,)."""
+        self._approach = Approach.begin(motion[:2] - reference[:2], self.controller.reach, self.settings.position)
+        self._begun = now
 
     def _rate(self, value: float, place: int, now: int) -> float:
         before = self._got.get("reference")
@@ -120,10 +158,15 @@ class ControllerLogic:
     def take_state(self, value: Array | Refusal, now: int) -> None:
         """Take a state as the sensors show it, in the order of ``measured``: the states of the model at the start.
 
-        A model that comes later may have states of its own that nobody measures.
+        ``now`` is when it was sent, where that is known, else when it came; one that was sent before the last one is
+        refused. A model that comes later may have states of its own that nobody measures.
         """
         if isinstance(value, Refusal):
             self._refuse(value)
+            return
+        before = self._got.get("state")
+        if before is not None and now < before.when:
+            self._refuse(Refusal("out_of_order", f"sent {(before.when - now) / NANO:.3g} s before the last one"))
             return
         shown = dict(zip(self.measured, value.tolist(), strict=True))
         self._take({name: self._without_sensor(name, shown[name]) for name in self._names if name in shown}, now, now)
@@ -164,6 +207,7 @@ class ControllerLogic:
             self._refuse(Refusal("missing", f"no {needed} in the message"))
             return
         self._got["state"] = _Got(np.array([found.get(position, 0.0), found.get(velocity, 0.0)]), stamp)
+        self._noise.take(float(found.get(velocity, 0.0)))
 
     def _derived(self, position: float, stamp: int) -> float:
         before = self._got.get("state")
@@ -215,7 +259,7 @@ class ControllerLogic:
         elif controller.settings != self.settings:  # they were changed meanwhile
             self.take_prepared(self.prepared(controller.model))
         else:
-            self._use(controller)
+            self.use(controller)
 
     def take_yaml(self, text: str) -> None:
         """Take the whole model that the linearizer has: design and feed-forward are made anew, or it is refused."""
@@ -231,19 +275,38 @@ class ControllerLogic:
 
     def output(self, now: int) -> Array | None:
         """Return the input (1,) to publish now; 0 while stopped; None until the drive has run for the first time."""
-        if self._before and now - self._before > LATE_PERIODS * self.settings.period * NANO:
-            self.late += 1
-        self._before, self._why = now, self._fault(now)
+        self._look_at_time(now)
+        was_running, self._before = self._running, now
+        self._why = self.fault or self._missing(now)
         u = 0.0 if self._why else self._controlled(now)
         if not math.isfinite(u):
-            self._why, u = "the design gives no finite input", 0.0
+            self._why = "the design gives no finite input"
+        if self.fault:
+            self._why = self.fault
         self._running = not self._why
+        if was_running and self._why:
+            self.stops, self.last_stop = self.stops + 1, self._why
+            if self.asks:
+                self.fault = self._why
         self.active = self.active or self._running
-        self.u = u
-        return np.array([u]) if self.active else None
+        self.u = u if self._running else 0.0
+        return np.array([self.u]) if self.active else None
 
-    def _fault(self, now: int) -> str:
-        """Return why the drive has to stop; empty where it need not."""
+    def resume(self) -> str:
+        """Go on after a fault; return what was wrong, empty where nothing was."""
+        was, self.fault = self.fault, ""
+        return was
+
+    def _look_at_time(self, now: int) -> None:
+        """Count inputs that are late; after so long a pause that a state would be too old the loop begins anew."""
+        pause = now - self._before if self._before else 0
+        self.times.take_pause(pause)
+        if self._running and pause > self._ages["state"]:
+            self.stops, self.last_stop = self.stops + 1, f"no input for {pause / NANO:.3g} s: this node was held up"
+            self._running = False
+
+    def _missing(self, now: int) -> str:
+        """Return what is missing, so that the drive has to stop; empty where nothing is."""
         for name in ("reference", "state", *(("model",) if self.needs_model else ())):
             got = self._got.get(name)
             if got is None:
@@ -254,37 +317,74 @@ class ControllerLogic:
         return ""
 
     def _controlled(self, now: int) -> float:
+        """Return the input of the controller; note a fault of the loop."""
         reference, state = self._got["reference"], self._got["state"]
         if not self._running:
-            self.controller.reset(float(state.values[0]))
-        feed = self._going_on(reference, now)
-        return self.controller.step(self._going_on(reference, state.when), state.values, feed)
+            self._begin(reference, state, now)
+        then, ahead = self._wanted(reference, state.when), self._wanted(reference, now)
+        u = self.controller.step(then, state.values, ahead)
+        fresh, self._used = state.when != self._used, state.when
+        self.times.take_age(now - state.when)
+        self.fault = self.supervisor.take(then, state.values, u, self.controller.foretold, fresh)
+        return u
 
-    def _going_on(self, reference: _Got, when: int) -> Array:
-        """Return the reference (3,) at a time near that of its message: it goes on, or came, as it is now."""
+    def _begin(self, reference: _Got, state: _Got, now: int) -> None:
+        """Begin where the drive is: no integral action, and a reference that starts from what is measured."""
+        self.controller.reset(state.values)
+        self.supervisor.reset()
+        self._approach = None
+        self._come_from(state.values, self._wanted(reference, now), now)
+
+    def _wanted(self, reference: _Got, when: int) -> Array:
+        """Return the reference (3,) at a time near that of its message, with what is left of the way to it.
+
+        It goes on, or came, as it is at the time of the message.
+        """
         most = GOES_ON * self.settings.period
         age = min(max((when - reference.when) / NANO, -most), most)
         q, v, a = reference.values
-        return np.array([q + v * age + a * age**2 / 2, v + a * age, a])
+        motion = np.array([q + v * age + a * age**2 / 2, v + a * age, a])
+        if self._approach is not None:
+            motion += self._approach.at((when - self._begun) / NANO)
+        return motion
 
     # ---------------------------------------------------------------- diagnostics
 
     def health(self, now: int) -> Health:
         """Return the state of affairs for /diagnostics."""
-        level = LEVEL_OK if self._running else (ERROR if self.active else WARN)
+        level, message = self._level(now)
+        wrong, own = self.supervisor.errors
+        ages = {f"age of the {name} [s]": f"{(now - got.when) / NANO:.6f}" for name, got in self._got.items()}
         values = {
             "design": self.settings.design,
+            "bandwidth [rad/s]": f"{self.controller.bandwidth:.4g}",
             "tracks": "position" if self.settings.position else "speed",
             "input": f"{self.u:.6g}",
-            "late inputs": str(self.late),
+            "RMS error": f"{wrong:.4g}",
+            "RMS error foretold": f"{own:.4g}",
+            "share of time at the limit": f"{self.supervisor.saturation:.3g}",
+            "stops": str(self.stops),
+            "last stop": self.last_stop or "none",
+            "late inputs": str(self.times.late),
+            "oldest state used [s]": f"{self.times.oldest / NANO:.6f}",
             "messages refused": str(sum(self.refused.values())),
         }
-        for name, got in self._got.items():
-            values[f"age of the {name} [s]"] = f"{(now - got.when) / NANO:.6f}"
         if self.last_refusal is not None:
-            values["last refused"] = f"{self.last_refusal.kind}: {self.last_refusal.detail}"
-        message = "tracking" if self._running else f"stopped: {self._why}"
-        return Health(level, message, values | {f"refused: {k}": str(n) for k, n in sorted(self.refused.items())})
+            ages["last refused"] = f"{self.last_refusal.kind}: {self.last_refusal.detail}"
+        return Health(
+            level, message, values | ages | {f"refused: {k}": str(n) for k, n in sorted(self.refused.items())}
+        )
+
+    def _level(self, now: int) -> tuple[int, str]:
+        if self.fault:
+            return ERROR, f"stopped: {self.fault}; it goes on when it is asked to (~/resume)"
+        if not self._running:
+            return (ERROR if self.active else WARN), f"stopped: {self._why}"
+        model = self._got.get("model") if self.needs_model else None
+        age = 0.0 if model is None else (now - model.when) / NANO
+        old = f"the linear model is {age:.3g} s old" if age > OLD_MODEL * self.model.update_period else ""
+        warning = self.supervisor.warning or self.times.warning or old
+        return (WARN, f"tracking, but {warning}") if warning else (LEVEL_OK, "tracking")
 
 
 def _is_of(values: Array, n: int, m: int) -> bool:

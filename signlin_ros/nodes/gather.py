@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any
 
+from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
@@ -14,11 +15,27 @@ CLOCK_MESSAGES = 1000
 """Messages, one after the other, that must all come later for clocks that have agreed to agree no more."""
 
 
+class Unheeded(CallbackGroup):  # type: ignore[misc]
+    """A group whose subscriptions no executor waits for."""
+
+    def can_execute(self, entity: Any) -> bool:
+        """Return that it cannot be executed."""
+        return False
+
+    def beginning_execution(self, entity: Any) -> bool:
+        """Return that it is not."""
+        return False
+
+    def ending_execution(self, entity: Any) -> None:
+        """Nothing has begun."""
+
+
 class Gathering:
     """A subscription that takes what waits in it with one waking, and then lets more gather for ``rest`` s.
 
     ``take(message, came)``: when it came in ns of the node's clock; with ``sent``, when it was sent, where both clocks
-    agree: a busy machine delivers late. The executor's loop must heed the node's ``rest``.
+    agree: a busy machine delivers late. The executor's loop must heed the node's ``rest``. Without ``waking`` nothing
+    is taken but by `pump`: for who looks for the newest at times of his own.
     """
 
     def __init__(
@@ -30,11 +47,13 @@ class Gathering:
         qos: QoSProfile,
         rest: Callable[[], float],
         sent: bool = False,
+        waking: bool = True,
     ) -> None:
         self._node, self._take, self._rest, self._sent = node, take, rest, sent
         self._slow = CLOCK_MESSAGES
         self._simulated = bool(node.get_parameter("use_sim_time").value)
-        self.subscription = node.create_subscription(kind, topic, self._on_message, qos)
+        group = {} if waking else {"callback_group": Unheeded()}
+        self.subscription = node.create_subscription(kind, topic, self._on_message, qos, **group)
 
     def _on_message(self, message: Any, info: Any) -> None:
         self._take(message, self._came(info))
@@ -66,4 +85,4 @@ def _waiting(subscription: Any) -> Iterator[tuple[Any, Any]]:
             yield found
 
 
-__all__ = ["Gathering"]
+__all__ = ["Gathering", "Unheeded"]
