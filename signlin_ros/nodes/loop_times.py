@@ -12,7 +12,7 @@ OFTEN = 0.1
 
 
 class LoopTimes:
-    """Counts; ``period`` of the inputs and the longest ``delay`` from a sample to its input that was designed for, in s.
+    """Counts; ``period`` of the inputs in s, ``delay``: the longest, from a sample to its input, that was designed for.
 
     ``late``: inputs that were; ``oldest``: age in ns of the oldest state that an input was made of.
     """
