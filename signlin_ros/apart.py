@@ -13,7 +13,7 @@ MARK = ":"
 
 
 def of_record(signals: Mapping[str, str] | None, path: str | os.PathLike[str]) -> dict[str, str]:
-    """Return what a mapping says of one record: ``NAME``, and ``FILE:NAME`` where FILE is the end of its path.
+    """Return the entries of a mapping for one record: ``NAME``, and ``FILE:NAME`` where FILE is the end of its path.
 
     What is said of the record itself wins.
     """

@@ -132,7 +132,7 @@ def _listed(data: Any) -> list[Any]:
 def check(
     model: ModelLike, data: Any, *, signals: Mapping[str, str] | None = None, cures: Sequence[str] = ()
 ) -> list[Finding]:
-    """Return what may be wrong with records, before anything is concluded from them.
+    """Return findings on records: errors of units, signs, clocks and sensors.
 
     Parameters
     ----------

@@ -139,7 +139,7 @@ class Linearizer:
         return LinearizationBatch(blocks["A"], blocks["B"], blocks["c"], points, inputs, blocks["f"], valid)
 
     def _compiled(self) -> Callable[[Array, Array, Array], None]:
-        """Return what fills results (T, ...) from x (T, n) and u (T, m); here because one point needs no compiler."""
+        """Return a function that fills results (T, ...) from x (T, n) and u (T, m), compiled only when it is needed."""
         from signlin_ros.engine.wide import at_points
 
         tape, _ = linear_tape(self.model.structure, self.model.sign_order, self.method)

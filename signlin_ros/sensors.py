@@ -25,7 +25,7 @@ class Sensor:
     delay: float = 0.0
 
     def show(self, x: Values) -> Values:
-        """Return what is shown for the true value x, a number or an array, ``delay`` later."""
+        """Return the reading for the true value x, a number or an array, ``delay`` later."""
         return self.gain * x + self.offset
 
     def true(self, y: Values) -> Values:

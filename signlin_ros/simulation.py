@@ -170,7 +170,7 @@ def _checked(model: Model, t: ArrayLike, u: ArrayLike, x0: ArrayLike | None) -> 
 @functools.lru_cache(maxsize=256)
 @symbolic
 def _exact_plan(structure: Structure) -> tuple[np.void, NDArray[np.int64]]:
-    """Return what the exact kernel needs to know: a plan, and which surface is a coordinate and which a switch."""
+    """Return the arguments of the exact kernel: a plan, and which surface is a coordinate and which a switch."""
     t = trace(structure)
     x = ca.vertsplit(t.x)
     coordinate = [next((i for i, e in enumerate(x) if ca.is_equal(e, s.g)), -1) for s in t.surfaces]
@@ -182,7 +182,7 @@ def _exact_plan(structure: Structure) -> tuple[np.void, NDArray[np.int64]]:
 
 
 def exact_plan_of(model: Model) -> tuple[np.void, NDArray[np.int64]]:
-    """Return what kernels of one's own need to know of a model: a plan, and the links of its surfaces."""
+    """Return the arguments of other kernels: a plan, and the links of its surfaces."""
     return _exact_plan(model.structure)
 
 

@@ -26,7 +26,7 @@ def one_thread(f: Callable[P, T]) -> Callable[P, T]:
 
 
 def side_by_side(do: Callable[[T], R], items: Sequence[T], jobs: int) -> list[R]:
-    """Return what is done to each of some items, in their order, by so many threads."""
+    """Return the results of a function for each item, in their order, by so many threads."""
     if jobs == 1 or len(items) < 2:
         return [do(item) for item in items]
     with ThreadPoolExecutor(jobs) as pool:

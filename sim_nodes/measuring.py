@@ -31,7 +31,7 @@ class Measuring:
         self._newest_first.appendleft(x)
 
     def shown(self) -> Array:
-        """Return what the sensors show now (n,)."""
+        """Return the sensors' readings now (n,)."""
         kept, columns = np.array(self._newest_first), np.arange(self._whole.size)
         later, earlier = kept[self._whole, columns], kept[self._whole + 1, columns]
         return self.model.shown_states(later + self._part * (earlier - later))

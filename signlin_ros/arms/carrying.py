@@ -69,7 +69,7 @@ def _with(model: ArmModel, values: Array, com: Array, moments: bool) -> ArmModel
 def _step(
     study: Study, model: ArmModel, values: Array, com: Array, moments: bool, mean: Array, sd: Array
 ) -> CoefficientEstimate:
-    """Return what a payload has to be corrected by (1 or 4,), from all that the model leaves."""
+    """Return the correction of a payload's parameters (1 or 4,), from the model's residual."""
     sides = []
     for rows in (study.rows, study.new):
         left = rows.y - predicted(model, rows)
@@ -82,7 +82,7 @@ def _step(
 
 
 def _through_friction(model: ArmModel, rows: RegressionRows, columns: Array) -> Array:
-    """Return what friction that grows with the load adds to columns of loads on the joints (N, k), by rows."""
+    """Return the effort (N, k) of load-dependent friction for columns of loads on the joints (N, k)."""
     found = np.zeros(columns.shape)
     for key, use in model.effects.items():
         if use.type != "load_dependent_friction":

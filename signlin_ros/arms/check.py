@@ -169,7 +169,7 @@ def _motion(model: ArmModel, record: ModelData) -> Iterator[Finding]:
 
 
 def _wrong_rate(model: ArmModel, record: ModelData, i: int, factor: float) -> Finding:
-    """Return what is odd about a velocity whose position changes ``factor`` times as fast."""
+    """Return the finding on a velocity whose position changes ``factor`` times as fast."""
     name, joint = model.robot.names[i], model.robot.joints[i]
     said = f"{name}.position changes {factor:.3g} times as fast as {name}.velocity says"
     channel = f"{name}.velocity"

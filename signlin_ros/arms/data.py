@@ -73,7 +73,7 @@ def read_data(model: ArmModel, paths: Sequence[str], signals: Mapping[str, str])
 
 
 def _way_out(model: ArmModel, said: str) -> str:
-    """Return what an arm's file can say instead, of an effort in another unit, and of a joint that is not there."""
+    """Return hints on an arm's file, for an effort in another unit and for a joint that is not there."""
     for name in model.robot.names:
         if f"{name}.effort is in " in said:
             return f"; or in the model file {name}: {{effort: {{gain: ...}}}}, what one of its units is in N·m (N)"

@@ -146,7 +146,7 @@ class State:
         return gain(self.rows, key.at, drives[0]), gain(self.new, key.at, drives[1])
 
     def _drives(self, loads: Loads) -> list[list[Array]]:
-        """Return what the model says the rigid body needs, for the gain of a joint; its friction scales along."""
+        """Return the model's rigid-body effort as regressor of a joint's gain; its friction scales along."""
         return [[loads.of(p)[:, : self.robot.n] @ p.motors[: self.robot.n] for p in r.pieces] for r in self.both]
 
     def candidates(self, estimate: CoefficientEstimate) -> Iterator[tuple[Key, JointLaw | None]]:

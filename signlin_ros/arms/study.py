@@ -104,7 +104,7 @@ class Study:
     # ---------------------------------------------------------------- how good
 
     def as_given(self, rows: RegressionRows) -> Array:
-        """Return what the rigid body of the file leaves (n,), RMS."""
+        """Return the RMS effort residual (n,) of the file's rigid body."""
         return rows.by_joint(rows.y - rows.Y @ self.model.robot.pi)
 
     def rigid(self) -> CoefficientEstimate:
@@ -113,7 +113,7 @@ class Study:
         return fit(design, self.rows, self.new)
 
     def left(self, model: ArmModel, rows: RegressionRows) -> Array:
-        """Return what a model leaves of the effort (N,), nothing of it fitted."""
+        """Return the effort residual (N,) of a model, nothing of it fitted."""
         return np.asarray(rows.y - predicted(model, rows))
 
 
@@ -162,7 +162,7 @@ def _look(study: Study) -> None:
 
 
 def unseen_noise(study: Study) -> Array:
-    """Return what the noise of the measured efforts leaves in the band (n,)."""
+    """Return the RMS noise of the measured efforts in the band (n,)."""
     found = []
     for i in range(study.robot.n):
         levels = [sensor_noise(run.tau[:, i]) * np.sqrt(2.0 * study.band * run.step) for run in study.runs[1]]
@@ -192,7 +192,7 @@ def predicted(model: ArmModel, rows: RegressionRows) -> Array:
 
 
 def body_of(payload: tuple[float, Array], place: tuple[int, Array, Array], n: int) -> Array:
-    """Return what a point mass, by mass and first moment (3,) in its link, adds to the parameters (10 n,)."""
+    """Return the change of the inertial parameters (10 n,) by a point mass: mass and first moment (3,) in its link."""
     joint, R, t = place
     found = np.zeros(TEN * n)
     m, h = payload

@@ -53,7 +53,7 @@ def cannot_text(content: Mapping[str, Any]) -> str:
 
 
 def compare_text(content: Mapping[str, Any]) -> str:
-    """Return what `compare` says."""
+    """Return the text of `compare`."""
     notes = "\n".join(content["notes"])
     return "\n\n".join(
         part for part in (joints_table(content), basic_table(content), notes, cannot_text(content)) if part
@@ -61,7 +61,7 @@ def compare_text(content: Mapping[str, Any]) -> str:
 
 
 def diagnose_text(content: Mapping[str, Any]) -> str:
-    """Return what `diagnose`, `add` and `refine` say."""
+    """Return the text of `diagnose`, `add` and `refine`."""
     notes = "\n".join(content["notes"])
     said = "\n".join(content["sentences"])
     parts = (f"{content['verdict']}", said, joints_table(content), notes, cannot_text(content))

@@ -30,7 +30,7 @@ _LINEAR = {
 
 
 def compared_json(comparison: ArmComparison, source: str, data: list[str]) -> dict[str, Any]:
-    """Return what `compare` says, as schemas/arm_compare.json has it."""
+    """Return the JSON of `compare` (schemas/arm_compare.json)."""
     study = comparison.study
     return {
         "joints": _joints(comparison, {}),
@@ -46,7 +46,7 @@ def compared_json(comparison: ArmComparison, source: str, data: list[str]) -> di
 
 
 def diagnosed_json(diagnosis: ArmDiagnosis, text: str, source: str, data: list[str]) -> dict[str, Any]:
-    """Return what `diagnose`, `add` and `refine` say, as schemas/arm_diagnose.json has it."""
+    """Return the JSON of `diagnose`, `add` and `refine` (schemas/arm_diagnose.json)."""
     study = diagnosis.comparison.study
     named = effects_named(diagnosis)
     content = compared_json(diagnosis.comparison, source, data)
@@ -135,7 +135,7 @@ def _joints(comparison: ArmComparison, named: Mapping[int, list[str]]) -> dict[s
 
 
 def _cannot(study: Study, i: int) -> list[str]:
-    """Return what no record of this kind tells of a joint."""
+    """Return sentences on the limits of such records for a joint."""
     if i in study.barred:
         return []
     found = []
@@ -201,7 +201,7 @@ def _urdf(study: Study) -> dict[str, Any]:
 
 
 def urdf_notes(study: Study) -> list[str]:
-    """Return what is wrong with the URDF."""
+    """Return sentences on faults of the URDF."""
     return [
         f"URDF: the body that {name} carries cannot exist: its pseudo-inertia has the eigenvalue {value:.2g} kg·m²"
         for name, value in study.robot.inconsistent().items()
@@ -209,7 +209,7 @@ def urdf_notes(study: Study) -> list[str]:
 
 
 def name_of(study: Study, key: Key) -> str:
-    """Return what a law is called: ``elbow_joint.load_dependent_friction``, ``payload``."""
+    """Return the name of a law: ``elbow_joint.load_dependent_friction``, ``payload``."""
     return f"{study.names[key.at]}.{key.law}" if key.at >= 0 else key.law
 
 
@@ -277,7 +277,7 @@ def _fall(before: float, after: float, study: Study, i: int) -> str:
 
 
 def sentence(study: Study, found: SearchResult) -> str:
-    """Return what a law is and what it is worth, as a sentence."""
+    """Return the sentence on a law, its size and its gain."""
     key, value = found.key, float(found.values[0])
     i = key.at if key.at >= 0 else int(np.nanargmax(np.log(found.before / found.after)))
     what = {

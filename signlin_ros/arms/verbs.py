@@ -149,7 +149,7 @@ def diagnose(
     band: float | None = None,
     progress: Progress = _quiet,
 ) -> ArmDiagnosis:
-    """Return what a model of an arm lacks: couplings first, then laws of joints and of the robot, one by one."""
+    """Return the laws that a model of an arm lacks: couplings first, then those of joints and of the robot."""
     comparison = compare(model, known, unseen, band, progress)
     found = comparison.study
     if model.arm.payload is not None and model.arm.payload.free:

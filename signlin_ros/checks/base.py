@@ -38,14 +38,14 @@ class Check(ABC):
 
     @abstractmethod
     def find(self, look: Look) -> Iterable[Finding]:
-        """Yield what is found in a record."""
+        """Yield the findings in a record."""
 
     def find_each(self, looks: Sequence[Look]) -> list[list[Finding]]:
-        """Return what is found in each of some records whose columns are the same."""
+        """Return the findings in each of some records whose columns are the same."""
         return [list(self.find(look)) for look in looks]
 
     def note(self, channel: str, sentence: str) -> Finding:
-        """Return what is to be known, and needs no cure."""
+        """Return a note: a finding that needs no cure."""
         return Finding(self.name, channel, "note", sentence)
 
 
@@ -57,7 +57,7 @@ class OfColumns(Check):
     """
 
     def find_each(self, looks: Sequence[Look]) -> list[list[Finding]]:
-        """Return what is found in each record, and what is found in another one that has the same columns."""
+        """Return the findings in each record, and those in another one with the same columns."""
         found = super().find_each(looks)
         first = {f.cure: (f, look) for told, look in zip(found, looks, strict=True) for f in told if f.columns}
         cures = [{f.cure for f in told if f.columns} for told in found]

@@ -50,7 +50,7 @@ class Clipped(Check):
     name = "clipped"
 
     def find(self, look: Look) -> Iterator[Finding]:
-        """Yield what is clipped."""
+        """Yield a finding for each clipped channel."""
         for name in (*look.channels, *look.record.inputs):
             values = look.of(name)
             measured = name in look.channels

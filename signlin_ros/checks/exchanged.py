@@ -75,7 +75,7 @@ def _fitting(look: Look, orders: Iterable[tuple[str, ...]], limit: float) -> lis
 
 
 def _left(look: Look, order: Sequence[str]) -> float:
-    """Return what the model leaves of a record with signals exchanged; infinite where it does not follow it then."""
+    """Return the residual of a record with signals exchanged; inf where the model does not follow it then."""
     p = Look(look.model, exchanged(look.record, order)).resisted
     if p is None or p.shares().max() >= EACH:
         return math.inf

@@ -188,7 +188,7 @@ def _together(names: list[str], information: Array, hidden: Collection[str]) -> 
 
 
 def _shapes(look: Look, f: Followed) -> dict[str, Array]:
-    """Return what effects of the motion are proportional to (T,), by name, where velocity or position are recorded."""
+    """Return the regressor (T,) of every effect of the motion, by name, where velocity or position are recorded."""
     found: dict[str, Array] = {}
     columns = dict(zip(f.channels, f.y.T, strict=True))
     columns |= dict(zip(f.base.inputs, f.u.T, strict=True))

@@ -38,11 +38,11 @@ class LoopOutput(Check):
     needs_time = True
 
     def find(self, look: Look) -> Iterable[Finding]:
-        """Yield what one record says."""
+        """Yield the gains that one record shows."""
         return self.find_each([look])[0]
 
     def find_each(self, looks: Sequence[Look]) -> list[list[Finding]]:
-        """Return what the records say of their gains, each beside all."""
+        """Return findings on the gains of records, each beside all."""
         found = [_output(look) for look in looks]
         sizes = [one.full for one in found if one and one.explained >= FOLLOWS]
         usual = median(sizes) if sizes else 0.0

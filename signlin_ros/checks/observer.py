@@ -91,7 +91,7 @@ class Followed:
         return Discrete.of(base.seen_by(self.channels), self.channels, self.step)
 
     def rates(self) -> Array:
-        """Return what the equations of the base hold (n,), RMS, driven by the inputs of the record."""
+        """Return the RMS (n,) of the rates of the base, driven by the inputs of the record."""
         return _sizes(self.base, self.design.A, self.design.B, self.u)[1]
 
     def innovations(self, d: Discrete | None = None) -> Array:
@@ -102,13 +102,13 @@ class Followed:
         return np.asarray((known - _times(d.C, run(d.A - self.K @ d.C, [force])[0])).T)
 
     def answer(self, way: Array, values: Array) -> Array:
-        """Return what values (T,) add to the innovations (T, ny) that act on the states' rates in a way (n,)."""
+        """Return the innovations (T, ny) that values (T,) cause, which act on the states' rates in a way (n,)."""
         pushed = Discrete.of(replace(self.base, c=way), self.channels, self.step).b
         force = pushed[:, None] * values
         return np.asarray(-_times(self.design.C, run(self.design.A - self.K @ self.design.C, [force])[0]).T)
 
     def parts(self) -> Array:
-        """Return what every source adds to the innovations (k, T, ny): inputs, channels, `ONE`, and ``more``."""
+        """Return the innovations (k, T, ny) that every source causes: inputs, channels, `ONE`, and ``more``."""
         d, K = self.design, self.K
         ways = [(d.B[:, j], d.D[:, j], column) for j, column in enumerate(self.u.T)]
         shown = np.eye(len(self.channels))
@@ -120,7 +120,7 @@ class Followed:
         return np.stack([-(direct[:, None] * c + _times(d.C, x)).T for (_, direct, c), x in pairs])
 
     def begun(self) -> list[Array]:
-        """Return what a unit of every state at the first sample adds to the innovations (T, ny), for each of them."""
+        """Return the innovations (T, ny) that a unit of each state at the first sample causes."""
         d, first = self.design, np.zeros(self.t.size)
         first[0] = 1.0  # x(1) = (A - K C) x(0), and x(0) is seen at the first sample besides
         closed = d.A - self.K @ d.C
@@ -167,7 +167,7 @@ class LinearPrediction:
         return np.asarray(np.exp(np.mean(np.log(np.maximum(self._shares(scales), 1e-12)), axis=1)))
 
     def shares(self, scales: Mapping[str, float] | None = None) -> Array:
-        """Return what is left of every channel (ny,), as a share of its spread, with some sources multiplied."""
+        """Return the residual of every channel (ny,), as a share of its spread, with some sources multiplied."""
         return np.asarray(self._shares([scales or {}])[0])
 
     def left(self, scales: Mapping[str, float] | None = None) -> float:
@@ -247,11 +247,11 @@ class Together:
         return np.asarray(np.exp(np.average([np.log(p.lefts(scales)) for p in self.parts], axis=0, weights=sizes)))
 
     def left(self, scales: Mapping[str, float] | None = None) -> float:
-        """Return what is left, as a share of what the channels do."""
+        """Return the residual as a share of the channels' spread."""
         return float(self.lefts([scales or {}])[0])
 
     def shares(self, scales: Mapping[str, float] | None = None) -> Array:
-        """Return what is left of every channel of every record, as a share of its spread."""
+        """Return the residual of every channel of every record, as a share of its spread."""
         return np.concatenate([p.shares(scales) for p in self.parts])
 
 
@@ -262,7 +262,7 @@ def prediction(
     more: Mapping[str, Array] | None = None,
     free: Mapping[str, str] | None = None,
 ) -> LinearPrediction | None:
-    """Return what a record leaves of an observer of a base; None where `follow` does.
+    """Return the residual of a record under an observer of a base; None where `follow` does.
 
     ``more`` (T,): further inputs by name, each acting as the first input does; ``free``: see `LinearPrediction`.
     """
@@ -271,7 +271,7 @@ def prediction(
 
 
 def summed(f: Followed, free: Mapping[str, str] | None = None) -> LinearPrediction:
-    """Return what is left of a record that is followed, by what adds to it."""
+    """Return the residual of a followed record, and its parts by source."""
     first, answers = int(FORGETTING_SHARE * f.t.size), f.begun()
     lasting = [np.abs(one[first:]).max() > GONE * np.abs(one).max() for one in answers]
     begun = tuple(f"{BEGUN}{name}" for name, lasts in zip(f.base.states, lasting, strict=True) if lasts)
@@ -342,7 +342,7 @@ def _gain(base: Base, d: Discrete, u: Array, step: float) -> Array | None:
 
 
 def _scaled(C: Array, Q: Array, R: Array, size: Array) -> tuple[Array, Array, Array]:
-    """Return what the Riccati equation takes in units of the states' sizes (n,)."""
+    """Return the matrices of the Riccati equation in units of the states' sizes (n,)."""
     return (C * size).T.copy(), Q / size[:, None] / size, R
 
 

@@ -59,7 +59,7 @@ class PositionCommand(OfColumns):
         yield from self._found([look])
 
     def find_each(self, looks: Sequence[Look]) -> list[list[Finding]]:
-        """Return what all records with the same columns say together."""
+        """Return the findings of all records with the same columns together."""
         found = list(self._found(looks))
         return [list(found) for _ in looks]
 

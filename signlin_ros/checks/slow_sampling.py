@@ -62,7 +62,7 @@ class SlowSampling(Check):
 
 
 def _asked(look: Look) -> str:
-    """Return what to ask after: the unit of the time, unless it is known, and the model's parameters."""
+    """Return the questions of the check: the unit of the time, unless it is known, and the model's parameters."""
     known = any(getattr(note, "kind", "") == "clock" for note in look.record.notes)
     values = ", ".join(f"{name} = {value:g}" for name, value in look.model.parameters.items() if value)
     own = f"are the model's parameters the machine's, {values}?"

@@ -106,7 +106,7 @@ class ArmRequest:
 
 
 def checked(request: ArmRequest) -> Report:
-    """Return what `check` says of an arm's records."""
+    """Return the JSON of `check` for an arm's records."""
     from signlin_ros import console
     from signlin_ros.arms.check import check
     from signlin_ros.arms.data import read_data
@@ -117,7 +117,7 @@ def checked(request: ArmRequest) -> Report:
 
 
 def compared(request: ArmRequest) -> Report:
-    """Return what `compare` says of an arm."""
+    """Return the JSON of `compare` for an arm."""
     from signlin_ros.arms.text import compare_text
     from signlin_ros.arms.told import compared_json
     from signlin_ros.arms.verbs import compare
@@ -131,7 +131,7 @@ def compared(request: ArmRequest) -> Report:
 
 
 def diagnosed(verb: str, request: ArmRequest, output: str | None, effect: str | None) -> Report:
-    """Return what `diagnose`, `add` and `refine` say of an arm; write the model and its URDF where asked for."""
+    """Return the JSON of `diagnose`, `add` or `refine` for an arm; write the model and its URDF where asked for."""
     from signlin_ros.arms.proposal import placed
     from signlin_ros.arms.text import diagnose_text
     from signlin_ros.arms.told import diagnosed_json, sentences
@@ -159,7 +159,7 @@ def diagnosed(verb: str, request: ArmRequest, output: str | None, effect: str | 
 
 
 def gains_of(model: Any, at: Mapping[str, float], numbers: Mapping[str, float | None]) -> Report:
-    """Return what `gains` says of an arm."""
+    """Return the JSON of `gains` for an arm."""
     from signlin_ros.arms.feedforward import gains_content, gains_text
 
     if numbers["limit"] is not None:

@@ -72,7 +72,7 @@ def export(
 
 
 def export_text(content: Mapping[str, Any]) -> str:
-    """Return what the command prints."""
+    """Return the text that the command prints."""
     lines = [f"wrote {', '.join(content['files'])}"]
     lines += [f"held: {line}" for line in content["holds"]]
     lines += [f"lost: {line}" for line in content["lost"]]

@@ -112,7 +112,7 @@ def signal_option(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def settings_given() -> tuple[str, ...]:
-    """Return what --set says, as it was given."""
+    """Return the options --set, as they were given."""
     found: tuple[str, ...] = click.get_current_context().meta.get("signlin.set", ())
     return found
 
@@ -133,7 +133,7 @@ def mapping_of(signals: Sequence[str], *files: str) -> dict[str, str]:
 
 
 def conditions_held_out() -> tuple[str, ...]:
-    """Return what --hold-out says, as it was given."""
+    """Return the options --hold-out, as they were given."""
     found: tuple[str, ...] = click.get_current_context().meta.get("signlin.hold_out", ())
     return found
 

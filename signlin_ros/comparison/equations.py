@@ -14,14 +14,14 @@ from signlin_ros.recording.trace import Structure, Trace, trace
 
 
 def rate_of(t: Trace, plant: type[Plant]) -> ca.SX:
-    """Return what a force acts on: the rate of the velocity, or the force that an imposed motion takes."""
+    """Return the expression that a force enters: the rate of the velocity, or the force of an imposed motion."""
     return t.y[0] if plant.motion_is_imposed() else t.f[t.states.index(plant.velocity)]
 
 
 @symbolic
 @functools.lru_cache(maxsize=256)
 def rate_tape(structure: Structure) -> Tape:
-    """Return what a force acts on, as a tape."""
+    """Return the expression that a force enters, as a tape."""
     t = trace(structure)
     return tape_of(t, rate_of(t, structure.plant))
 

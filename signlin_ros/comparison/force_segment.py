@@ -109,7 +109,7 @@ class ForceSegment:
         return slope(self.effort_nearby, self.step) * self.step
 
     def once(self, key: object, make: Callable[[], Array]) -> Array:
-        """Return what ``make`` says of the piece, made when a key is first asked for."""
+        """Return the result of ``make`` for the piece, computed when a key is first asked for."""
         if key not in self._known:
             self._known[key] = make()
         return self._known[key]
@@ -133,7 +133,7 @@ class ForceSegment:
         return driven(model, self.t, self.u, known, 0.5 * self.step if follows else 0.0, p=p)
 
     def evaluated(self, model: Model, tape: Tape, x: Array, p: Array) -> Array:
-        """Return what a tape says (outputs, T) at states x (T, n), with the direction of motion as far as known."""
+        """Return a tape's outputs (outputs, T) at states x (T, n), with the direction of motion as far as known."""
         surfaces, columns = model.trace.surfaces, [*x.T, *self.u.T, *p]
         moving = [s.name == model.plant.velocity for s in surfaces]
         signs: list[Array | float] = [self.sign if m else 0.0 for m in moving]

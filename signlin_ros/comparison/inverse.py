@@ -73,7 +73,7 @@ class Efforts:
         return cls(name, step, moving) if moving else None
 
     def inverse(self, model: Model, units: Mapping[str, str]) -> InverseError:
-        """Return what a model's effort, computed from the motion, is off by; ``units`` of the record."""
+        """Return the error of a model's effort computed from the motion; ``units`` of the record."""
         name, unit = self.name, units.get(self.name) or model.units[self.name]
         if name == "current":
             name, unit = "torque", model.plant.force_unit

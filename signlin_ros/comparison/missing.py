@@ -68,8 +68,9 @@ class _Equation:
 
 
 def missing(observer: Observer, units: Mapping[str, str]) -> tuple[Missing, ...]:
-    """Return what each equation of the plant lacks; ``units`` of the record. One that stands out keeps its freedom
-    while the model is trusted more in the others. Where the motion is imposed, it is what the measured force lacks.
+    """Return the missing term of each equation of the plant; ``units`` of the record. One that stands out keeps its
+    freedom while the model is trusted more in the others. Where the motion is imposed, it is what the measured force
+    lacks.
     """
     plant = observer.model.plant
     if plant.velocity not in observer.model.states:
@@ -87,7 +88,7 @@ def missing(observer: Observer, units: Mapping[str, str]) -> tuple[Missing, ...]
 
 
 def _beside_motion(observer: Observer, units: Mapping[str, str]) -> tuple[Missing, ...]:
-    """Return what the computed force lacks beside the measured one; samples that are missing lack nothing."""
+    """Return the computed minus the measured force; 0 where samples are missing."""
     name = observer.model.plant.effort
     j = observer.channels.index(name)
     pairs = zip(observer.trackers, observer.rough, strict=True)

@@ -58,7 +58,7 @@ def _parameter(par: Par, units: dict[str, str]) -> dict[str, Any]:
 
 
 def effect_entry(effect: type[Effect]) -> dict[str, Any]:
-    """Return what there is to say about an effect; units by plant."""
+    """Return the description of an effect; units by plant."""
     plants = [plant for plant in PLANTS.values() if applies(effect, plant)]
 
     def units(unit: str) -> dict[str, str]:
@@ -78,7 +78,7 @@ def effect_entry(effect: type[Effect]) -> dict[str, Any]:
 
 
 def plant_entry(plant: type[Plant]) -> dict[str, Any]:
-    """Return what there is to say about a plant."""
+    """Return the description of a plant."""
     model = nominal_model(plant)
     optional = [plant.position] if plant.position_optional else []
     units = {**model.units, **plant.optional_inputs, **dict.fromkeys(optional, plant.position_unit)}

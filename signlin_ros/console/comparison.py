@@ -11,7 +11,7 @@ from signlin_ros.names import AS_GIVEN, MISSING_FORCE_ROW, REFITTED_ROW, SENSOR_
 
 
 def check_text(content: dict[str, Any]) -> str:
-    """Return what was found in records as text, one line each, or that nothing was."""
+    """Return the findings in records as text, one line each, or that there are none."""
     return _record(content) or "nothing is wrong with the record that any check looks for"
 
 
@@ -143,7 +143,7 @@ def _named(content: dict[str, Any]) -> str:
 
 
 def _in_place(entry: dict[str, Any]) -> str:
-    """Return what is as good in the place of an effect, in a line of its own; empty where nothing is."""
+    """Return a line on the effects that are as good in the place of one; empty where none is."""
     names = ", ".join(t.replace("_", " ") for t in entry["indistinguishable_from"])
     told = "as good in its place" if entry["status"] == "ambiguous" else "no better, for being richer laws"
     return f"\n    {told}: {names}" if names else ""

@@ -27,7 +27,7 @@ def linearize_content(model: Model, result: Linearization) -> dict[str, Any]:
 
 
 def linearize_warnings(model: Model, result: Linearization) -> list[str]:
-    """Return what a user of this linear model should know: outside the valid range, position in the norm."""
+    """Return warnings on a linear model: outside the valid range, position in the norm."""
     found = []
     if not result.in_valid_range:
         limit = valid_reach(model.sign_order)

@@ -52,7 +52,7 @@ class ControllerSettings:
             raise InputError(f"limit: found {self.limit:g}; say the largest |input| that the drive may be given")
 
     def task(self, model: Model) -> Task:
-        """Return what is asked for on a drive."""
+        """Return the settings of a controller for a drive."""
         delay = self.delay or self.period + model.delay
         speed = self.speed or largest_speed(model)
         return Task(self.position, self.period, delay, self.limit, speed, self.tolerance, model.delay)

@@ -172,7 +172,7 @@ class Reduced:
 
 
 def reduced(model: Model, x: Array, method: str | None = None) -> Reduced:
-    """Return what A_k says of a drive at states x (P, n)."""
+    """Return the drive's constants in A_k at states x (P, n)."""
     drive = Drive.of(model)
     result = _linearizer(_key(model), method).batch(x)
     v, B, A, c = drive.velocity, result.B[:, :, 0], result.A, result.c
@@ -187,7 +187,7 @@ def reduced(model: Model, x: Array, method: str | None = None) -> Reduced:
 
 
 def secants(model: Model, speeds: Array, method: str | None = None) -> Reduced:
-    """Return what A_k says at speeds (P,), at the state that has this speed and is 0 otherwise."""
+    """Return the drive's constants in A_k at speeds (P,), at the state that has this speed and is 0 otherwise."""
     x = np.zeros((speeds.size, len(model.states)))
     x[:, Drive.of(model).velocity] = speeds
     return reduced(model, x, method)
@@ -315,7 +315,7 @@ def find_design(name: str) -> Design:
 
 
 def feed_along(design: Design, model: Model, task: Task, tuning: Tuning, profile: Profile, count: int) -> Array:
-    """Return what a design feeds forward (count,) along a profile."""
+    """Return the feed-forward input (count,) of a design along a profile."""
     if design.feed == "none":
         return np.zeros(count)
     linear = _fed(_key(_bare(_key(model))), task, profile, count, 1e-3)

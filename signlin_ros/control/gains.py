@@ -140,7 +140,7 @@ def _held(design: Design, model: Model, task: Task, tuning: Tuning) -> dict[str,
 
 
 def _points(model: Model, drive: Drive, at: Mapping[str, float], tuning: Tuning, task: Task) -> list[dict[str, Any]]:
-    """Return what A_k says at the point named, or at some speeds, and the gains that come of it."""
+    """Return A_k at the point named, or at some speeds, with the gains of it."""
     if at:
         x = model.state_vector(at)[None, :]
     else:

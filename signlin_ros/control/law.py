@@ -45,7 +45,7 @@ def _place(grid, value):
 
 @inner
 def _added(grid, tables, kind, reference, speed):
-    """Return what a design adds for the measured speed, odd in it."""
+    """Return the input that a design adds for the measured speed, odd in it."""
     k, share = _place(grid, abs(speed))
     slope, level = _at(tables, 0, k, share), _at(tables, 1, k, share)
     if kind == CLIPPED:

@@ -36,7 +36,7 @@ MAX_RUN_WAIT = 120.0
 
 
 def nominal() -> Model:
-    """Return what is known of the machine: no friction."""
+    """Return the nominal model of the machine: no friction."""
     model = Model.load("dc_motor").without_effect("coulomb_friction").with_parameters({"B": 2e-4})
     return model.with_options(tolerance={"R_a": 0.05, "L_a": 0.05, "K_t": 0.05, "K_m": 0.05, "J": 0.05, "B": 0.3})
 

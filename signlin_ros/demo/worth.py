@@ -48,7 +48,7 @@ class Window:
 
 
 def on_grid(heard: Heard) -> DemoRecord:
-    """Return what the plant published, on its own time grid: the publishers' stamps jitter, the plant does not.
+    """Return the plant's published states on its own time grid: the publishers' stamps jitter, the plant does not.
 
     The input that comes with a state is the one that led to it.
     """

@@ -47,7 +47,7 @@ class PlannedRival:
             raise InputError("rivals: an entry is no rival of signlin experiment or diagnose --json") from error
 
     def to_json(self) -> dict[str, Any]:
-        """Return what `of_json` reads."""
+        """Return the mapping that `of_json` reads."""
         sizes = {n: [x if np.isfinite(x) else None for x in sides] for n, sides in self.of_interest.items()}
         return {"effects": list(self.effects), "starts": [m.to_yaml() for m in self.starts], "of_interest": sizes}
 

@@ -100,7 +100,7 @@ def _loaded(entry: importlib.metadata.EntryPoint) -> object:
 
 
 def _checked(found: object, where: str) -> type[Effect]:
-    """Return what was found, if it is an effect with a name and an equation."""
+    """Return the class, if it is an effect with a name and an equation; raise `ModelError` otherwise."""
     if not (inspect.isclass(found) and issubclass(found, Effect)):
         raise ModelError(f"{where}: is no subclass of signlin_ros.effects.Effect")
     missing = [name for name in ("name", "equation") if not isinstance(getattr(found, name, None), str)]

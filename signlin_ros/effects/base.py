@@ -120,7 +120,7 @@ class Effect(HasPars):
 
     @classmethod
     def shown(cls, values: Mapping[str, Shown], F: str, Q: str, V: str) -> str:
-        """Return what a record shows, as a sentence: `finding`, or one made of the name and the parameters."""
+        """Return the sentence on what a record shows: `finding`, or one made of the name and the parameters."""
         if cls.finding:
             return cls.finding.format(F=F, Q=Q, V=V, **gathered(values))
         name = cls.name.replace("_", " ")
@@ -135,7 +135,7 @@ class Effect(HasPars):
 
     @classmethod
     def holding(cls, simple: str, p: Mapping[str, float]) -> dict[str, float]:
-        """Return what the parameters of a simpler effect that it contains say of its own, by name; empty: nothing."""
+        """Return its own parameters, by name, for those of a simpler effect that it contains; empty: no relation."""
         return {}
 
     @classmethod
@@ -165,7 +165,7 @@ class Effect(HasPars):
 
     @classmethod
     def fault(cls, p: Any) -> str:
-        """Return what is wrong with parameters that are each within their bounds, starting with the name of one of
+        """Return the error of parameters that are each within their bounds, starting with the name of one of
         them (``knots: found ...; allowed: ...``); empty: nothing. ``p`` as the law gets it.
         """
         return ""
@@ -196,7 +196,7 @@ class Effect(HasPars):
         return {}
 
     def input(self, m: Any, u: Any, p: Any) -> Any:
-        """Return what the plant gets when ``u`` is commanded."""
+        """Return the input of the plant, in its unit, when ``u`` is commanded."""
         return u
 
     def delay(self, p: Any) -> Any:
@@ -204,15 +204,15 @@ class Effect(HasPars):
         return 0.0
 
     def spring(self, m: Any, x: Any, p: Any, k: Any) -> Any:
-        """Return what becomes of the restoring force ``k q`` of the plant's own spring; None: no change."""
+        """Return the changed restoring force, in the unit of ``k q``, of the plant's own spring; None: no change."""
         return None
 
     def torque_constant(self, m: Any, x: Any, p: Any, K_t: Any) -> Any:
-        """Return what becomes of a motor's torque constant."""
+        """Return a motor's changed torque constant in N·m/A."""
         return K_t
 
     def resistance(self, m: Any, x: Any, p: Any, R_a: Any) -> Any:
-        """Return what becomes of a motor's armature resistance."""
+        """Return a motor's changed armature resistance in Ohm."""
         return R_a
 
     @classmethod
@@ -234,12 +234,12 @@ class SensorEffect(Effect):
     """
 
     def sensor(self, before: Sensor, value: float) -> Sensor:
-        """Return what becomes of a sensor when this effect, with its parameter's value, comes on top."""
+        """Return the sensor changed by this effect with its parameter's value."""
         raise NotImplementedError
 
     @classmethod
     def shown_on(cls, channel: str, value: Shown) -> str:
-        """Return what a record shows of it on a channel, as a sentence."""
+        """Return the sentence on what a record shows of it on a channel."""
         if cls.finding:
             return cls.finding.format(channel=channel, value=value, unit=value.unit)
         return f"the {channel} shows {cls.name.replace('_', ' ')}: {value:.3g} {value.unit}".removesuffix(" -").rstrip()

@@ -98,7 +98,7 @@ _stamps: dict[str, set[str]] = {}
 
 
 def _compiling(**options: Any) -> Any:
-    """Return what compiles a function and keeps it on disk until its file changes, or one that a part of it is from.
+    """Return a decorator that compiles a function and keeps it on disk until its file, or that of a part, changes.
 
     Of the parts, Numba itself does not look: a function would be used on with what they were before.
     """

@@ -206,7 +206,7 @@ class _Cache:
                 path.unlink()
 
     def load(self, module: Any) -> bytes | None:
-        """Return what was compiled earlier, if anything."""
+        """Return the code that was compiled earlier, None without any."""
         try:
             content = self._path(module).read_bytes()
         except OSError:

@@ -145,7 +145,7 @@ class WideWriter(Writer):
 
 
 def at_points(tape: Tape, widths: tuple[int, int], constants: Array) -> Callable[[Array, Array, Array], None]:
-    """Return what fills results (T, n_out) of a tape of x (n), u (m) and constants, from x (T, n) and u (T, m).
+    """Return a function that fills results (T, n_out) of a tape of x (n), u (m) and constants, from x (T, n), u (T, m).
 
     ``widths`` are n and m; the arrays must be contiguous.
     """

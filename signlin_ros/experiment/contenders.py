@@ -112,7 +112,7 @@ class Contender:
         return np.asarray(self.theta + min(1.0, max(float(room.min(initial=1.0)), 0.0)) * step)
 
     def planned(self) -> PlannedRival:
-        """Return what a diagnosis of the planned records is told of it: where fits start, and what is of interest."""
+        """Return the rival for a diagnosis of the planned records: starts of fits, and the sizes of interest."""
         first = [self.told] if self.told else []
         starts = (*first, *(self.model_at(theta) for theta in (self.theta, *self.sigma_points)))
         return PlannedRival(self.effects, starts, self.size.bounds if self.size else {})
@@ -134,7 +134,7 @@ class Contender:
             return None
 
     def shown(self, theta: Array, run: Trajectory, channels: Sequence[str]) -> Array:
-        """Return what the sensors show of a motion, (T, channels)."""
+        """Return the sensors' readings (T, channels) of a motion."""
         columns, sensors = [], self.model_at(theta).sensors
         for c in channels:
             values, sensor = run[c], sensors[c]

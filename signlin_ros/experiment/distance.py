@@ -73,7 +73,7 @@ class RivalBench:
         return c.run(c.theta if theta is None else theta, t, self.inputs(u), self.x0)
 
     def segment(self, i: int, run: Trajectory, theta: Array | None = None) -> PreparedSegment:
-        """Return what the sensors show of a motion, without noise, as a record."""
+        """Return the sensors' readings of a motion, without noise, as a record."""
         c = self.contenders[i]
         y = np.ascontiguousarray(c.shown(c.theta if theta is None else theta, run, self.problem.channels))
         early = self.problem.base.early * self.problem.scale.step
@@ -95,7 +95,7 @@ class RivalBench:
         return e.ravel(), slopes.reshape(-1, theta.size)
 
     def linear(self, j: int, s: PreparedSegment) -> float:
-        """Return what a rival leaves of a record after one linear refit: for screening, and never shown."""
+        """Return the distance of a rival from a record after one linear refit: for screening, and never shown."""
         c = self.contenders[j]
         found = self._followed(c, c.theta, s)
         if found is None:
@@ -107,8 +107,8 @@ class RivalBench:
         return _compressed(float(e @ e + 2 * slope @ step + step @ normal @ step), s)
 
     def refitted(self, j: int, s: PreparedSegment, starts: Sequence[Array] | None = None) -> tuple[float, Array]:
-        """Return what a rival leaves of a record after a refit by Levenberg and Marquardt's method from its estimate,
-        or from the best of some starts, and where it arrived.
+        """Return the distance of a rival from a record after a refit by Levenberg and Marquardt's method from its
+        estimate, or from the best of some starts, and where it arrived.
         """
         c, best = self.contenders[j], (LOST, self.contenders[j].theta)
         for start in [c.theta] if starts is None else starts:

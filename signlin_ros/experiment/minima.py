@@ -37,7 +37,7 @@ def overlap(one: str, other: str) -> bool:
 
 
 def led_by(richer: str, simpler: str, values: Mapping[str, float]) -> dict[str, float]:
-    """Return what the parameters of a simpler law say of those of a richer one; empty where it does not contain it."""
+    """Return parameters of a richer law for those of a simpler one; empty where it does not contain it."""
     return EFFECTS[richer].holding(simpler, values) if values else {}
 
 

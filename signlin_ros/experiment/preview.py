@@ -31,7 +31,7 @@ class PreviewCurve:
 
 
 def preview(search: CommandSearch, best: CommandTrial, told: Sequence[PlanText]) -> list[PreviewCurve]:
-    """Return what the two rivals that are hardest to tell apart, of those that are told, would show; both ways."""
+    """Return the predicted readings of the two rivals that are hardest to tell apart; both ways."""
     names = [c.name for c in search.bench.contenders]
     hard = min((one for one in told if not (one.alike or one.nested)), key=lambda one: one.expected, default=told[0])
     i, j = (names.index(n) for n in hard.rivals)

@@ -62,7 +62,7 @@ def promised(
 
 
 def _records(search: CommandSearch, u: Array, i: int) -> list[tuple[PreparedSegment, Array]]:
-    """Return what machines drawn from a rival's estimate would show of a command, with noise, and their coordinates."""
+    """Return noisy readings of machines drawn from a rival's estimate under a command, and their coordinates."""
     bench, g = search.bench, np.random.default_rng((search.seed, i))
     found = list[tuple[PreparedSegment, Array]]()
     for theta in bench.contenders[i].drawn(g, MACHINES_DRAWN):

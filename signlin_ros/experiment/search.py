@@ -196,7 +196,7 @@ class CommandSearch:
         return self._replaced(one, done)
 
     def distance(self, j: int, seen: PreparedSegment) -> float:
-        """Return what a rival leaves of what another one would show, refitted from estimate and sigma points."""
+        """Return the distances of a rival from another one's readings, refitted from estimate and sigma points."""
         c = self.bench.contenders[j]
         cost = self.bench.refitted(j, seen, [c.theta, *c.sigma_points[:SIGMA_POINTS]])[0]
         return 0.0 if cost >= LOST else cost

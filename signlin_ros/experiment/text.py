@@ -84,7 +84,7 @@ def _unit(model: Any, name: str) -> str:
 
 
 def notes(search: CommandSearch, rest: Sequence[KnownLimits], told: Sequence[PlanText]) -> tuple[str, ...]:
-    """Return what a user should know beside the answer."""
+    """Return notes beside the answer."""
     found, bench, limits = [], search.bench, search.limits
     if limits.assumed:
         found.append(f"no limit was given for {joined(limits.assumed)}: what the first records visited is taken")
@@ -141,7 +141,7 @@ def experiment_text(content: Mapping[str, Any]) -> str:
 
 
 def _limits(content: Mapping[str, Any]) -> list[str]:
-    """Return what is visited of each limit."""
+    """Return the visited share of each limit."""
     visits, rows = content["visits"], []
     for name, one in content["limits"].items():
         if name in visits:

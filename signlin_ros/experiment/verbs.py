@@ -236,7 +236,7 @@ def _within(search: CommandSearch, best: CommandTrial) -> CommandTrial:
 
 
 def _cures(search: CommandSearch, one: PlanText, every: Sequence[Pair], whole: Sequence[CommandTrial]) -> list[Remedy]:
-    """Return what would tell two rivals apart that are alike."""
+    """Return the remedies for two rivals that are alike."""
     search.tell(f"what would tell {one.rivals[0]} from {one.rivals[1]}", 0.95)
     names = [c.name for c in search.bench.contenders]
     other = _whole(search, every, whole)

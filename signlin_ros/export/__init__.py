@@ -52,7 +52,7 @@ class Export:
     smooth: bool
 
     def content(self) -> dict[str, Any]:
-        """Return what `signlin export --json` prints."""
+        """Return the JSON of `signlin export`."""
         return {
             "target": self.target,
             "files": [str(path) for path in self.exported.files],
@@ -113,7 +113,7 @@ def _arm_export(model: ArmModel, target: str, own: Target, path: Path, data: Mod
 def _written(
     target: Target, model: Model, path: Path, drive: ExportedDrive, measured: Mapping[str, Array] | None = None
 ) -> tuple[Exported, Loss]:
-    """Return what was written, and what is lost of it as measured."""
+    """Return the exported file, and its measured loss."""
     try:
         exported = target.write(model, path, drive)
     except OSError as error:

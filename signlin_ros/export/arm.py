@@ -111,7 +111,7 @@ class JointParts:
 
 
 def parts_of(model: ArmModel) -> JointParts:
-    """Return what damping, dry friction and motor inertia hold of a model, and what is lost."""
+    """Return damping, dry friction and motor inertia of a model by joint, and the losses."""
     plant, n = model.arm_plant, model.robot.n
     K = len(plant.places)
     parts = JointParts(np.zeros(K), np.zeros(K), np.zeros(K))

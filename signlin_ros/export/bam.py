@@ -106,7 +106,7 @@ def numbers_of(model: Model, target: str) -> tuple[dict[str, float], str, list[s
 
 
 def _of_the_loop(model: Model) -> list[str]:
-    """Return what of the firmware's loop and of the inputs BAM has nothing for."""
+    """Return the parts of the firmware's loop and of the inputs that BAM cannot hold."""
     p = model.parameters
     known = {"ki": "an integral gain", "kd": "a derivative gain", "sag": "the supply's sag", "profile_time": "a filter"}
     lost = [f"{name}: BAM's loop has no {what.split(' ', 1)[1]}" for name, what in known.items() if p[name]]
@@ -122,12 +122,12 @@ def loop_of(model: Model) -> dict[str, float]:
 
 
 def bench_of(model: Model) -> dict[str, float]:
-    """Return what the servo moves: mass, length, arm_mass, inertia."""
+    """Return the load of a servo: mass, length, arm_mass, inertia."""
     return {name: model.parameters[name] for name in ("mass", "length", "arm_mass", "inertia")}
 
 
 def _actuator(model: Model) -> str:
-    """Return what BAM calls the servo: by the name of the model's file, else by the gain of its loop."""
+    """Return the servo's name in BAM: by the model's file, else by the gain of its loop."""
     named = [k for k in KNOWN if k in Path(model.source).stem.lower()]
     own = model.parameters["duty_per_error"]
     alike = [k for k in KNOWN if abs(Model.load(f"{k}_servo").parameters["duty_per_error"] / own - 1) < 1e-3]

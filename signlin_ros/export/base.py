@@ -81,7 +81,7 @@ def require(module: str, target: str) -> None:
 
 
 def refuse_sensors(model: Model) -> tuple[str, ...]:
-    """Return what is lost with the sensors of a model: a target holds true values."""
+    """Return the losses of a model's sensors: a target holds true values."""
     from signlin_ros.model.uses import is_sensor
 
     names = [key for key, use in model.effects.items() if is_sensor(use)]

@@ -63,7 +63,7 @@ void run(long count, long substeps, const double *dt, const double *u, double *x
 
 
 def prefix_of(model: Model, out: Path) -> str:
-    """Return what every name in an exported file begins with: its stem."""
+    """Return the prefix of every name in an exported file: its stem."""
     return identifier(out.stem) or identifier(model.plant.name)
 
 
@@ -136,7 +136,7 @@ def _accurate(model: Model, out: Path, drive: ExportedDrive, step: float) -> flo
 
 
 def _stepper(model: Model, out: Path) -> Callable[[ExportedDrive, float], Array]:
-    """Return what carries the compiled file along a drive by steps of at most so many s: states (T, n).
+    """Return a function that runs the compiled file along a drive by steps of at most so many s: states (T, n).
 
     Raises `NotRunError` without a compiler.
     """

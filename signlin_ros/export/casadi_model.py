@@ -39,7 +39,7 @@ def rates_text(model: Model) -> str:
 
 
 def said_lost(model: Model) -> tuple[str, ...]:
-    """Return what every target of f_j loses."""
+    """Return the losses of every target of f_j."""
     lost = list(refuse_sensors(model))
     if model.trace.surfaces:
         lost.append("sign: sign_j stands for it; a stuck shaft creeps")

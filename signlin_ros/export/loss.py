@@ -44,7 +44,7 @@ EARLY_SAMPLES, EARLY_PART = 5, 0.1
 
 
 def drive_of(model: Model, data: ModelData) -> ExportedDrive:
-    """Return what a record drives a model with; a state that is not measured begins as the model says.
+    """Return inputs and initial state of a record for a model; a state that is not measured begins as the model says.
 
     A speed that is not measured begins so, too, or as the measured position does: as the exact model follows it better.
     """

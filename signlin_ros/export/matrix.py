@@ -127,7 +127,7 @@ def cell(name: str, model: Model, target: str, folder: Path) -> Cell:
 
 
 def dropped(model: Model, name: str) -> Cell:
-    """Return what a target would lose that leaves an effect out, in the column "dropped"."""
+    """Return the loss of a target that leaves an effect out, in per cent: the column "dropped"."""
     if name not in model.effects:
         return Cell(name, DROPPED, 0.0)
     drive, bare = standard_excitation(model), without(model, name)

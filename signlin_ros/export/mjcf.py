@@ -162,7 +162,7 @@ def _with_nearest(parts: MjcfParts, model: Model, path: Trajectory) -> MjcfParts
 def _said(
     model: Model, parts: MjcfParts, setting: Setting, found: float | None, drive: ExportedDrive, speed: Array
 ) -> tuple[list[str], dict[str, str]]:
-    """Return what is said of the setting, and that of others which would be wrong without a word."""
+    """Return comments on the chosen setting, and on others that would be wrong without a warning."""
     settings = {
         "integrator": setting.integrator,
         "timestep in s": f"{setting.timestep:g}",
@@ -189,7 +189,7 @@ def _said(
 
 
 def _comment(model: Model, parts: MjcfParts) -> list[str]:
-    """Return what the file says of itself."""
+    """Return the header comment of the file."""
     lines = heading(model, "A joint and its actuator for MuJoCo; for a robot of yours take joint, actuator and option.")
     lines.append(f"needs MuJoCo {parts.needs} or later; ctrl[0] is {model.inputs[0]}")
     lines += parts.notes

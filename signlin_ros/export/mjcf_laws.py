@@ -18,19 +18,21 @@ def _list(p: Values, name: str) -> list[float]:
 
 
 def viscous(parts: MjcfParts, p: Values, key: str) -> str:
-    """Return what damping holds."""
+    """Return the element damping for a law."""
     parts.damping[0] += p["b"]
     return "damping"
 
 
 def coulomb(parts: MjcfParts, p: Values, key: str) -> str:
-    """Return what frictionloss holds."""
+    """Return the element frictionloss for a law."""
     parts.frictionloss += p["mu"]
     return "frictionloss (a soft constraint: a stuck joint creeps a little)"
 
 
 def stribeck(parts: MjcfParts, p: Values, key: str) -> str:
-    """Return what stiff bristles hold: presliding over a small part of the travel stands for the sign."""
+    """Return the MJCF elements of a law: stiff bristles: presliding over a small part of the travel stands for the
+    sign.
+    """
     top = p["mu"] + max(p["excess"], 0.0)
     stiffness = parts.bristle * BRISTLE_STIFFNESS * top / parts.travel
     damping = 0.2 * math.sqrt(stiffness * parts.inertia)
@@ -40,20 +42,20 @@ def stribeck(parts: MjcfParts, p: Values, key: str) -> str:
 
 
 def lugre(parts: MjcfParts, p: Values, key: str) -> str:
-    """Return what lugre holds; its viscous part is damping."""
+    """Return the element lugre for a law; its viscous part is damping."""
     parts.bristles(key, (p["sigma0"], p["sigma1"], p["F_c"], p["F_s"], p["v_s"]))
     parts.damping[0] += p["sigma2"]
     return "lugre, sigma2 as damping"
 
 
 def dahl(parts: MjcfParts, p: Values, key: str) -> str:
-    """Return what lugre without a Stribeck curve holds."""
+    """Return the element lugre without a Stribeck curve for a law."""
     parts.bristles(key, (p["sigma"], 0.0, p["F_c"], p["F_c"], 1.0))
     return "lugre with one level and no damping"
 
 
 def cogging(parts: MjcfParts, p: Values, key: str) -> str:
-    """Return what cogging holds: whole orders."""
+    """Return the element cogging for a law: whole orders."""
     if abs(p["N"] - round(p["N"])) > 1e-9:
         raise LostError(f"its order {p['N']:g} is no whole number, as MuJoCo's poles must be")
     parts.wave(key, p["A"], round(p["N"]), p["phi"] + math.pi)
@@ -61,7 +63,7 @@ def cogging(parts: MjcfParts, p: Values, key: str) -> str:
 
 
 def ripple(parts: MjcfParts, p: Values, key: str) -> str:
-    """Return what a motor without inputs for each wave holds."""
+    """Return the MJCF elements of a law: a motor without inputs for each wave."""
     orders, sizes, phases = _list(p, "orders"), _list(p, "A"), _list(p, "phi")
     if any(abs(N - round(N)) > 1e-9 for N in orders):
         raise LostError("an order is no whole number, as MuJoCo's poles must be")
@@ -71,26 +73,26 @@ def ripple(parts: MjcfParts, p: Values, key: str) -> str:
 
 
 def gravity(parts: MjcfParts, p: Values, key: str) -> str:
-    """Return what a wave of order 1 holds, wherever the joint is in a robot."""
+    """Return the MJCF elements of a law: a wave of order 1, wherever the joint is in a robot."""
     parts.passively(key, cogging=f"{p['A']!r} 1 {math.pi - p['q0']!r}")
     return "cogging with one pole (in a robot of yours its own weight takes this one's place)"
 
 
 def constant(parts: MjcfParts, p: Values, key: str) -> str:
-    """Return what a wave of order 0 holds."""
+    """Return the MJCF elements of a law: a wave of order 0."""
     parts.passively(key, cogging=f"{p['F0']!r} 0 {math.pi / 2!r}")
     return "cogging with no pole: a constant"
 
 
 def drag(parts: MjcfParts, p: Values, key: str) -> str:
-    """Return what the second coefficient of damping holds."""
+    """Return the MJCF elements of a law: the second coefficient of damping."""
     parts.damping[1] += p["c2"]
     parts.needs = max(parts.needs, "3.8", key=_numbers)
     return "damping's second coefficient"
 
 
 def cubic_viscous(parts: MjcfParts, p: Values, key: str) -> str:
-    """Return what the first and third coefficient of damping hold."""
+    """Return the MJCF elements of a law: the first and third coefficient of damping."""
     parts.damping[0] += p["b"]
     parts.damping[2] += p["b3"]
     parts.needs = max(parts.needs, "3.8", key=_numbers)
@@ -107,34 +109,34 @@ def asymmetric(parts: MjcfParts, p: Values, key: str) -> str:
 
 
 def stiffness(parts: MjcfParts, p: Values, key: str) -> str:
-    """Return what stiffness holds."""
+    """Return the element stiffness for a law."""
     parts.stiffness[0] += p["k"]
     return "stiffness"
 
 
 def cubic_stiffness(parts: MjcfParts, p: Values, key: str) -> str:
-    """Return what the third coefficient of stiffness holds."""
+    """Return the MJCF elements of a law: the third coefficient of stiffness."""
     parts.stiffness[2] += p["k3"]
     parts.needs = max(parts.needs, "3.8", key=_numbers)
     return "stiffness's third coefficient"
 
 
 def stop(parts: MjcfParts, p: Values, key: str) -> str:
-    """Return what a tendon with a dead band holds."""
+    """Return the MJCF elements of a law: a tendon with a dead band."""
     gap = p["gap"]
     parts.tendons.append({"name": key, "springlength": f"{-gap!r} {gap!r}", "stiffness": repr(p["k_s"])})
     return "a fixed tendon with a dead band"
 
 
 def compliant(parts: MjcfParts, p: Values, key: str) -> str:
-    """Return what a second joint with a spring and a damper holds."""
+    """Return the MJCF elements of a law: a second joint with a spring and a damper."""
     _alone(parts)
     parts.second = ("load", p["J"], {"stiffness": repr(p["k"]), "damping": repr(p["c"])})
     return "a second joint with stiffness and damping"
 
 
 def play(parts: MjcfParts, p: Values, key: str) -> str:
-    """Return what a second joint with soft limits holds: spring and damper in contact only."""
+    """Return the MJCF elements of a law: a second joint with soft limits: spring and damper in contact only."""
     _alone(parts)
     per_force = 1 / parts.inertia + 1 / p["J"]
     solref = f"{-p['k'] * per_force!r} {-p['c'] * per_force!r}"
@@ -149,7 +151,7 @@ def _alone(parts: MjcfParts) -> None:
 
 
 def bouc_wen(parts: MjcfParts, p: Values, key: str) -> str:
-    """Return what bristles hold: hysteresis with n = 1 and gamma = 0 is Dahl's beside a spring."""
+    """Return the MJCF elements of a law: bristles: hysteresis with n = 1 and gamma = 0 is Dahl's beside a spring."""
     if p["n"] != 1 or p["gamma"] != 0.0 or p["beta"] <= 0.0:
         raise LostError("MuJoCo's bristles are hysteresis with n = 1, gamma = 0 and beta > 0 only")
     force = (1 - p["alpha"]) * p["D"] * p["k"]
@@ -160,21 +162,21 @@ def bouc_wen(parts: MjcfParts, p: Values, key: str) -> str:
 
 
 def saturation(parts: MjcfParts, p: Values, key: str) -> str:
-    """Return what ctrlrange holds."""
+    """Return the attribute ctrlrange for a law."""
     limit = p["u_max"] * parts.control
     parts.motor["ctrlrange"] = f"{-limit!r} {limit!r}"
     return "ctrlrange"
 
 
 def delay(parts: MjcfParts, p: Values, key: str) -> str:
-    """Return what the actuator's delay holds."""
+    """Return the actuator's delay for a law."""
     parts.delay += p["T"]
     parts.needs = max(parts.needs, "3.5", key=_numbers)
     return "delay"
 
 
 def warming(parts: MjcfParts, p: Values, key: str) -> str:
-    """Return what thermal holds; with a scaled control the heat is scaled alike."""
+    """Return the MJCF elements of a law: thermal; with a scaled control the heat is scaled alike."""
     share = parts.control**2
     numbers = (p["R_th"] / share, p["C"] * share, 0.0, p["a"], 0.0, 0.0)
     parts.motor["thermal"] = " ".join(repr(float(v)) for v in numbers)

@@ -59,7 +59,7 @@ def function_text(
 
 
 def loaded(path: Path) -> dict[str, Any]:
-    """Return what an exported Python file defines."""
+    """Return the names that an exported Python file defines."""
     return runpy.run_path(str(path))
 
 

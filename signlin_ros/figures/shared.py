@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 
 
 def options(model: Model) -> dict[str, Any]:
-    """Return what of a model its numbers depend on."""
+    """Return the key of a model: the parts that its numbers depend on."""
     return {
         "plant": model.plant.name,
         "parameters": model.parameters,

@@ -135,7 +135,7 @@ class Candidate:
         return tuple(dict.fromkeys(k.parameter for k in self.coordinates if k.record))
 
     def conditions(self, theta: Array, s: PreparedSegment) -> Mapping[str, float]:
-        """Return what is known of a record, its own values at some coordinates included."""
+        """Return the known conditions of a record, its own values at some coordinates included."""
         if not self.own:
             return s.conditions
         pairs = zip(self.coordinates, theta.tolist(), strict=True)

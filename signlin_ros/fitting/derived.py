@@ -90,7 +90,7 @@ def _is_filtered(t: Array, q: Array, v: Array) -> bool:
 
 
 def _rest(basis: Array, target: Array) -> Array:
-    """Return what a linear combination of columns (T, k) and a constant leaves of a target (T,)."""
+    """Return the residual of a target (T,) after linear regression on columns (T, k) and a constant."""
     columns = np.hstack([basis, np.ones((target.size, 1))])
     return np.asarray(target - columns @ np.linalg.lstsq(columns, target, rcond=None)[0])
 

@@ -92,8 +92,9 @@ def follow_records(
 
 
 def _belief(problem: Problem, c: Candidate, gains: ObserverGains, shown: Mapping[str, float]) -> Array:
-    """Return what `follow` takes for an extended Kalman filter where motion is sensitive; (3, 0) where it is not. What
-    a sensor shows larger than it is (``shown``: its gain) moves less than it seems to: a gain must not fit the filter.
+    """Return the arguments of `follow` for an extended Kalman filter where motion is sensitive; (3, 0) where it is not.
+    What a sensor shows larger than it is (``shown``: its gain) moves less than it seems to: a gain must not fit the
+    filter.
     """
     names, floating, scale = c.model.states, c.floating, problem.scale
     if not c.filtered:

@@ -99,7 +99,7 @@ def held_in_turn(model: Model, data: Sequence[ModelData]) -> tuple[Problem, Prob
 
 
 def _derived(model: Model, data: Sequence[ModelData], channel: str) -> str:
-    """Return what is said of a channel that was computed from the position, and how late it is."""
+    """Return the note on a channel that was computed from the position, and how late it is."""
     late, step = lag(model, data), float(np.median(np.diff(data[0].t)))
     more = f", and lags {late:.2g} s behind it" if late > MAX_UNTOLD_LAG * step else ""
     return f"{channel} was computed from {model.plant.position}{more}: it tells nothing more"

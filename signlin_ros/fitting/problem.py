@@ -165,7 +165,7 @@ def _led_to(problem: Problem, s: PreparedSegment, at: int) -> dict[str, float]:
 def looks(
     model: Model, segments: Sequence[PreparedSegment], channels: tuple[str, ...], gains: ObserverGains
 ) -> list[tuple[Tracker, TrackedRun]]:
-    """Return what follows every record, and the base model held to it by an observer."""
+    """Return a tracker of every record, and the run of the base model under an observer."""
     rows, wide, result = gains.rows(model.states), np.full(len(model.states), 1e9), []
     for s in segments:
         tracker = Tracker(model.under(s.conditions), s.t, s.u, s.y, channels, wide, s.early)

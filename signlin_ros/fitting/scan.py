@@ -79,7 +79,7 @@ def halfway(model: Model, t: Array, X: Array) -> Array:
 
 
 def response(problem: Problem, model: Model, gains: ObserverGains) -> Array:
-    """Return what an observer of the bare plant leaves (M, ny), over the noise, after a unit of acceleration."""
+    """Return the innovations (M, ny), over the noise, of an observer of the bare plant after a unit of acceleration."""
     states, A, C = linear_base(model, problem.channels)
     push, dt = (np.array(states) == model.plant.velocity)[:, None].astype(float), problem.scale.step
     free, x, *_ = cont2discrete((A, push, C, np.zeros((len(C), 1))), dt)

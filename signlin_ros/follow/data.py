@@ -187,7 +187,7 @@ def acting(model: Model, t: Array, u: Array, late: Early) -> tuple[Array, Array]
 
 
 def cut(early: Early, part: slice) -> Early:
-    """Return what belongs to a part of a record."""
+    """Return the part of a value that belongs to a part of a record."""
     return early[part] if isinstance(early, np.ndarray) else early
 
 
@@ -244,7 +244,7 @@ def _begun_late(record: ModelData, begin: int, first: int, channels: tuple[str, 
 
 
 def corrected(model: Model, record: ModelData, name: str) -> Array:
-    """Return what a sensor says of the model's quantity (T,): without its gain and offset, and at the right time."""
+    """Return the model's quantity (T,) behind a sensor: without its gain and offset, and at the right time."""
     sensor = model.sensors[name]
     values = np.asarray(sensor.true(record.measured[name]))
     if sensor.delay == 0.0:

@@ -125,7 +125,7 @@ def sensor_names(channels: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _inline(t: Trace) -> tuple[list[ca.SX], list[ca.SX], Surface | None]:
-    """Return what replaces every surface's symbol but that of the one switch that is located."""
+    """Return the substitutes of every surface's symbol but that of the one switch that is located."""
     located: Surface | None = None
     symbols: list[ca.SX] = []
     values: list[ca.SX] = []

@@ -113,7 +113,7 @@ class Tracker:
         return out[:n].T, J, C
 
     def outputs(self, x: Array) -> Array:
-        """Return what the channels would show (T, channels) at the states x (T, n) under the inputs."""
+        """Return the readings (T, channels) at the states x (T, n) under the inputs."""
         h = self._equations.places.h
         return np.asarray(self._evaluated(x)[h : h + len(self.channels)].T)
 
@@ -185,7 +185,7 @@ def driven(
 def _finer(
     model: Model, t: Array, u: Array, y: Array, names: tuple[str, ...], sizes: Array, early: Early, p: Array | None
 ) -> Tracker:
-    """Return what follows states y (T, names) on `FINER` samples for each, between which they are linear."""
+    """Return a tracker of states y (T, names) on `FINER` samples for each, between which they are linear."""
     at = np.arange(FINER * t.size) / FINER
     rows, fine = at.astype(int), np.interp(at, np.arange(t.size + 1), np.append(t, 2 * t[-1] - t[-2]))
     shown = np.column_stack([np.interp(fine, t, column) for column in y.T])

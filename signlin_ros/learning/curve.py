@@ -197,7 +197,7 @@ def _learned(plan: KnotPlan, bins: Bins) -> tuple[Array, Learned]:
 
 
 def _unseen(seen: Bins, unseen: Bins, plan: KnotPlan) -> list[float]:
-    """Return what growing sets of knots, fitted to some bins, leave of others."""
+    """Return the cross-validation errors of growing sets of knots, fitted to some bins, on others."""
     sets = grown(seen, plan)
     steps = 1 if len(seen.x) == 1 else 0  # of a surface, refining takes long and changes little
     return [unseen.left(shown(unseen.x, knots, fitted(seen, knots, plan, steps), plan)) for knots in sets]

@@ -124,7 +124,7 @@ def add_learned(
 
 
 def _entry(new: Model, learned: Learned, unit: str, before: dict[str, Any], after: dict[str, Any]) -> dict[str, Any]:
-    """Return what there is to say of the effect; ``unit`` of the force; before and after: SCORES on validation data."""
+    """Return the JSON of the effect; ``unit`` of the force; before and after: SCORES on validation data."""
     better = learned.explained > 0 and all(_error(after[n]) < _error(before[n]) for n in before if n != "score")
     where = learned.over.replace(", ", " and the ")
     told = (

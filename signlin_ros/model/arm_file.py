@@ -143,7 +143,7 @@ class ArmFile:
 
 
 def arm_file(mapping: Mapping[str, Any], folder: Path) -> tuple[ArmFile, Robot]:
-    """Return what a model file says of the arm, and its robot without the payload; raise `ModelError` on any fault."""
+    """Return the arm of a model file, and its robot without the payload; raise `ModelError` on any fault."""
     if "robot" not in mapping:
         raise ModelError("robot: missing; allowed: the URDF of the arm, relative to the model file")
     robot = mapping["robot"]

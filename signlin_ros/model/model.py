@@ -244,7 +244,7 @@ class Model:
         return found
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what is pickled: no expressions, which CasADi does not let go."""
+        """Return the state to pickle, without expressions, which CasADi cannot pickle."""
         return {name: value for name, value in self.__dict__.items() if name != "_trace"}
 
     @property
@@ -280,7 +280,7 @@ class Model:
         return found
 
     def shown_states(self, x: ArrayLike) -> NDArray[np.float64]:
-        """Return what the sensors show of states (..., n), each in its own time (`Sensor.show`)."""
+        """Return the sensors' readings of states (..., n), each in its own time (`Sensor.show`)."""
         return self._by_sensor(Sensor.show, x)
 
     def true_states(self, y: ArrayLike) -> NDArray[np.float64]:

@@ -64,7 +64,7 @@ def own_name(plant: type[Plant], name: str, known: Collection[str]) -> str:
 
 
 def slot(key: str, use: EffectUse) -> EffectSlot:
-    """Return what an effect is to the structure of a model."""
+    """Return the structure of an effect's use: its type and whatever changes the equations."""
     effect = effect_class(use)
     pars = effect.pars()
     structural = tuple((n, v) for n, v in use.parameters.items() if pars[n].structural)

@@ -89,7 +89,7 @@ RENAMED_OPTIONS = {
 
 
 def settings_of(options: dict[str, Any]) -> ControllerSettings:
-    """Return what the options of the node say of the controller; raise `InputError` where a limit is missing."""
+    """Return the controller's settings from the node's options; raise `InputError` where a limit is missing."""
     named = {setting: options[option] for option, setting in RENAMED_OPTIONS.items()}
     return ControllerSettings(
         position=options["track"] == "position", **named, **{name: options[name] for name in SETTINGS_OPTIONS}

@@ -65,7 +65,7 @@ def read_input(message: Float64MultiArray, model: Model) -> Array | Refusal:
 
 
 def layout_fault(layout: Any, size: int) -> str:
-    """Return what is wrong with the layout of a vector of ``size`` values; an empty text if nothing is.
+    """Return the error of the layout of a vector of ``size`` values; an empty text if there is none.
 
     An empty layout is fine. Otherwise the sizes must multiply to the number of values, at most one may differ
     from 1, each stride must be the product of the sizes from there on, and the offset must be 0. Python's

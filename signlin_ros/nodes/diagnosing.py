@@ -130,7 +130,7 @@ class Naming:
         return self._process.poll() is None
 
     def result(self) -> list[dict[str, Any]]:
-        """Return what may have changed, the likeliest first: name, value, unit, gain and sentence of each.
+        """Return the possible changes, the likeliest first: name, value, unit, gain and sentence of each.
 
         Raises `SignlinError` where the process gave no answer.
         """

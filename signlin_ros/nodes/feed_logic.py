@@ -118,7 +118,7 @@ class Feed:
         self.error.put(state[0], state[1] - predicted(model["A"], model["B"], model["c"], x, mean, state[0] - begun))
 
     def frame(self, now: float) -> dict[str, Any]:
-        """Return what has come since the last frame."""
+        """Return the messages since the last frame."""
         found: dict[str, Any] = {"now": now, "samples": self.state.count}
         for name, channel in (("state", self.state), ("input", self.input), ("error", self.error)):
             channel.forget(now)

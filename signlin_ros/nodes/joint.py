@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 
 
 def measured_states(model: Model, joint: Mapping[str, float]) -> dict[str, float]:
-    """Return what a joint's position, velocity and effort say of a model's states.
+    """Return a model's states from a joint's position, velocity and effort.
 
     The effort of a motor is K_t i, so it gives the current; elsewhere it is an input or an output.
     """

@@ -204,7 +204,7 @@ class MonitorNode(ManagedNode):
         self.logic.take_shown({name: v for name, v in pairs if name in model.states}, came)
 
     def _state_names(self, length: int) -> tuple[str, ...] | None:
-        """Return what an array of this length holds: the states of the present model, or of the one at the start."""
+        """Return the names of an array of this length: the states of the present model, or of the one at the start."""
         for model in (self.logic.model, self.model):
             if length == len(model.states):
                 return tuple(model.states)

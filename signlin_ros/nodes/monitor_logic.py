@@ -170,7 +170,7 @@ class MonitorLogic:
         return None if self.alarm is None else self._epoch + round(self.alarm.onset * NANO)
 
     def question(self, now: int) -> Question | None:
-        """Return what is to be asked of what has changed, once `NAMING_SPAN` of data since then are there; None before.
+        """Return the question of what has changed, once `NAMING_SPAN` of data since then are there; None before.
 
         Raises `InputError` where less than that is kept.
         """
@@ -192,7 +192,7 @@ class MonitorLogic:
         )
 
     def record(self, model: Model | None = None, since: int = 0, until: int | None = None) -> Record:
-        """Return what was seen lately as a record, from ``since`` to ``until`` in ns, and from the first input on.
+        """Return the latest data as a record, from ``since`` to ``until`` in ns, and from the first input on.
 
         The input of a row is its mean up to the next one: it may change in between. Raises `InputError` where nothing
         was seen.

@@ -148,7 +148,7 @@ def _given(arguments: Sequence[str]) -> Iterator[tuple[str, str, Any]]:
 
 
 def _text_of(file: str) -> str:
-    """Return what a file holds; nothing if it cannot be read a second time, as a pipe."""
+    """Return the content of a file; empty if it cannot be read a second time, as a pipe."""
     try:
         return Path(file).read_text(encoding="utf-8", errors="replace")
     except OSError:
@@ -164,7 +164,7 @@ def _flat(tree: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]
 
 
 def _read_yaml(text: str) -> Any:
-    """Return what a text holds; None where PyYAML is more particular than ROS, which has read it."""
+    """Return the content of a YAML text; None where PyYAML refuses what ROS has read."""
     try:
         return yaml.safe_load(text)
     except yaml.YAMLError:

@@ -67,7 +67,7 @@ class Hypothesis:
 
 
 def of_the_model(model: Model, since: ObservedWindow) -> Iterator[Hypothesis]:
-    """Yield what may change in a machine that its model describes, in the order in which machines change."""
+    """Yield hypotheses of change of a modelled machine, the commonest first."""
     yield Hypothesis("input_gain", *_range(INPUT_GAINS), lambda g: Changed(model, g))
     yield from _offsets(model, since)
     yield _delay(model)

@@ -81,7 +81,7 @@ class Question:
     shifted: bool
 
     def answer(self) -> list[Named]:
-        """Return what may have changed, the likeliest first; empty where nothing has, or nothing that is tried does."""
+        """Return the changes that explain the data, the likeliest first; empty where none does."""
         found = name_change(self.model, self.before, self.since, self.trust, self.noise)
         return found or ([Named("sensor_offset", float("nan"), "", 0.0)] if self.shifted else [])
 
@@ -89,7 +89,7 @@ class Question:
 def name_change(
     model: Model, before: ObservedWindow, since: ObservedWindow, trust: float, noise: Mapping[str, float]
 ) -> list[Named]:
-    """Return what could have changed; nothing where the model is as good as it was, or where no hypothesis takes away
+    """Return possible changes; none where the model is as good as it was, or where no hypothesis takes away
     most of what is unusual.
 
     ``since`` begins where the change did, on the clock of ``before``. ``trust``, ``noise``: of the guard before the
@@ -106,7 +106,7 @@ def name_change(
 
 
 def _likeliest(found: Iterable[Named]) -> list[Named]:
-    """Return what gains most, and what gains about as much, each name once, in the order in which they came."""
+    """Return the hypotheses that gain most or about as much, each name once, in the order in which they came."""
     best: dict[str, Named] = {}
     for named in found:
         if named.name not in best or named.gain > best[named.name].gain:
@@ -148,7 +148,7 @@ class _Scores:
     noise: Mapping[str, float]
 
     def judged(self, h: Hypothesis) -> Named | None:
-        """Return what a hypothesis names; None where it gains too little, had gained before, or leaves the unusual."""
+        """Return the name of a hypothesis; None where it gains too little, had gained before, or leaves the unusual."""
         return self._shift(h) if h.channel else self._other_machine(h)
 
     # ---------------------------------------------------------------- likelihood
@@ -285,7 +285,7 @@ class _Scores:
         return Named(h.name, size, h.unit, gain, "", min(explained, 1.0))
 
     def _steps(self, channel: str) -> list[tuple[float, float]]:
-        """Return what each sample near the change differed by from what was expected, and its time: a first guess."""
+        """Return the innovations near the change, and their times in s: a first guess."""
         data = self._moment
         try:
             found = self._innovations(data.t, data.measured, data.u, self.model)

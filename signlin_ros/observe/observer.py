@@ -171,7 +171,7 @@ class KalmanObserver:
             self._inputs[:], self._acted[:] = other._inputs, other._acted
 
     def meter(self, channel: str) -> NoiseMeter | None:
-        """Return what measures the noise of a channel, None where that is not measured."""
+        """Return the noise meter of a channel, None where its noise is not measured."""
         return dict(zip(self.channels, self._meters, strict=True)).get(channel)
 
     def hold_noise(self) -> None:

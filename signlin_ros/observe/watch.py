@@ -175,7 +175,7 @@ class Watch:
         self._guard(usual)
 
     def _signatures(self, trust: float, noise: Mapping[str, float], plain: Innovations) -> dict[int, Array]:
-        """Return what a shift of each channel adds to its innovations, by what was heard up to now, shifted."""
+        """Return the innovations that a shift of each channel causes, from the data up to now."""
         forms = {}
         for c, name in enumerate(self.channels):
             form = _form(plain, self._repeated(trust, noise, name)[1], c, SHIFT * noise[name])

@@ -62,7 +62,7 @@ class ArmPlant(Plant):
 
     @classmethod
     def channels(cls, values: Mapping[str, float]) -> dict[str, str]:
-        """Return what a sensor can be on, and units."""
+        """Return the quantities that a sensor can be on, with units."""
         return cls.states(values)
 
     @classmethod

@@ -84,12 +84,12 @@ class Plant(HasPars):
 
     @classmethod
     def channels(cls, values: Mapping[str, float]) -> dict[str, str]:
-        """Return what a sensor can be on, and units: states, the position even where it is optional, outputs."""
+        """Return the quantities that a sensor can be on, with units: states, outputs, an optional position too."""
         return {**cls.states(values), cls.position: cls.position_unit, **cls.outputs}
 
     @classmethod
     def aliases(cls) -> dict[str, str]:
-        """Return what position, velocity and effort mean; empty: nothing."""
+        """Return the signals that are position, velocity and effort; empty: none."""
         return {"position": cls.position, "velocity": cls.velocity, "effort": cls.effort}
 
     @classmethod
@@ -104,7 +104,7 @@ class Plant(HasPars):
 
     @classmethod
     def unrecorded(cls, values: Mapping[str, float]) -> dict[str, float]:
-        """Return what optional inputs are where a record has no such column; ``values`` are the plant's parameters."""
+        """Return default values of optional inputs, in SI units; ``values`` are the plant's parameters."""
         return dict.fromkeys(cls.optional_inputs, 0.0)
 
     def rates(self, m: Any, x: Any, u: Any, p: Any, act: Acting) -> dict[str, Any]:

@@ -34,7 +34,7 @@ class SlidingJoint(TurningJoint):
 
 
 def joint_plant(prismatic: bool) -> type[Plant]:
-    """Return what stands for a joint."""
+    """Return the plant of a joint."""
     return SlidingJoint if prismatic else TurningJoint
 
 

@@ -70,7 +70,7 @@ class Servo(Plant):
 
     @classmethod
     def unrecorded(cls, values: Mapping[str, float]) -> dict[str, float]:
-        """Return what optional inputs are where they are not recorded: torque on, the supply of the model."""
+        """Return default values of optional inputs: torque on, the supply of the model in V."""
         return {"torque_enable": 1.0, "supply": values["vin"], "goal_velocity": 0.0}
 
     @classmethod

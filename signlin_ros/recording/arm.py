@@ -109,7 +109,7 @@ class ArmTracer:
         return found
 
     def _said(self, method: str, entry: tuple[EffectSlot, Any, Namespace, _Motor]) -> Any:
-        """Return what a method of an effect says; the surfaces that it names are given sizes."""
+        """Return the recorded expression of an effect's method; the surfaces that it names are given sizes."""
         slot, effect, p, motor = entry
         known = len(self.m.surfaces)
         found = asked(effect, method, self.plant, self.m, motor, p)
@@ -174,7 +174,7 @@ class ArmTracer:
         return self._trace(parts, Factors(parts.M), q, v)
 
     def _drives(self, entries: list[tuple[EffectSlot, Any, Namespace, _Motor]]) -> ca.SX:
-        """Return what each input exerts, past the effects on it."""
+        """Return the effort of each input, after the effects on it."""
         found = list(self.inputs.values())
         for slot, effect, p, _ in entries:
             i = self._joint(slot)

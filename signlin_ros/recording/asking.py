@@ -21,7 +21,7 @@ COORDINATES = {"position", "velocity", "drive_force", "external_force", "resista
 
 
 def asked(effect: Effect, method: str, plant: type[Plant], *arguments: Any) -> Any:
-    """Return what a method of an effect says.
+    """Return the value of an effect's method, checked.
 
     Raises `EffectError` where its code fails or returns what is no expression, `ModelError` where the plant has not
     what it asks for.
@@ -62,7 +62,7 @@ def _unknown(where: str, word: str, known: Iterable[str], name: str) -> str:
 
 
 def _said(error: Exception) -> str:
-    """Return what an exception says; one that comes of treating a symbol as a number says what to do instead."""
+    """Return an exception's message; one of treating a symbol as a number says what to do instead."""
     text = " ".join(str(error).split())
     if "truth value" in text:
         return f"x and p are symbols, on which if, and, or, min and max cannot decide; {_INSTEAD}"

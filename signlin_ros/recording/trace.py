@@ -189,7 +189,7 @@ class _Tracer:
         return value
 
     def _asked(self, entry: tuple[EffectSlot, Effect, Namespace], method: str, *given: Any) -> Any:
-        """Return what a method of an effect says; ``given``: what it takes beside m and p."""
+        """Return the recorded expression of an effect's method; ``given``: its arguments beside m and p."""
         _, effect, p = entry
         first, more = given[:1], given[1:]
         arguments = {"delay": (p,), "input": (self.m, *given, p)}.get(method, (self.m, *first, p, *more))

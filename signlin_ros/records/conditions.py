@@ -32,7 +32,7 @@ def parameters_of(model: Model) -> dict[str, Par]:
 
 
 def apart(model: Model, signals: Mapping[str, str]) -> tuple[dict[str, str], dict[str, str]]:
-    """Return what a mapping says of signals, and what it says of the model's parameters."""
+    """Return the parts of a mapping that name signals, and those that set the model's parameters."""
     known = parameters_of(model)
     named = {name: (name if name in known else name.removeprefix("parameters.")) for name in signals}
     said = {named[name]: spec for name, spec in signals.items() if named[name] in known}

@@ -161,7 +161,7 @@ def _without_short(records: list[Record]) -> list[Record]:
 
 
 def _time(signals: Mapping[str, str]) -> dict[str, str]:
-    """Return what a mapping says of the time column; raise `RecordError` if it says two things."""
+    """Return the entry of the time column in a mapping; raise `RecordError` if there are two."""
     found = {key: spec for key, spec in signals.items() if key in TIME_KEYS}
     if len(found) > 1:
         raise RecordError(f"signals map the time twice, to {' and to '.join(map(repr, found.values()))}")

@@ -35,7 +35,7 @@ def added_section(steps: Sequence[Added], model: Model) -> Section:
 
 
 def lead_of(steps: Sequence[Added]) -> str:
-    """Return what the report says first of what was added."""
+    """Return the first sentence of a report on the additions."""
     names = [step.effect.replace("_", " ") for step in steps]
     return f"The model has {' and '.join(names)}, added from these records." if names else ""
 

@@ -234,7 +234,7 @@ def notes(texts: Sequence[str], record: Sequence[Finding] = ()) -> list[Block]:
 
 
 def findings(record: Sequence[Finding]) -> list[Block]:
-    """Return what was found in records as a list."""
+    """Return the findings in records as an HTML list."""
     ways = [f" ({f.way_out})" if f.way_out else "" for f in record]
     texts = [f"{name_of(f.source)}: {f.said}{way}" for f, way in zip(record, ways, strict=True)]
     items = [(f"{f.severity}, {f.check}", text) for f, text in zip(record, texts, strict=True)]

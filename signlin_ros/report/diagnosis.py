@@ -113,7 +113,7 @@ def _compared(
 
 
 def _shown(d: Diagnosis) -> list[Block]:
-    """Return what speaks for each named effect; where there is none, for the best of those that were tried."""
+    """Return the evidence section of each named effect; where there is none, of the best that was tried."""
     blocks: list[Block] = []
     for entry in d.missing:
         likeness = "" if entry.status in ("confirmed", "ambiguous") else ": a likeness, not the cause"

@@ -47,7 +47,7 @@ def _longest_list(kind: type[Effect], model: Model) -> int:
 
 
 def _lines(kind: type[Effect], model: Model) -> Iterator[str]:
-    """Yield what the effect does, an equation a line, in the subset of TeX that matplotlib sets."""
+    """Yield the equations of an effect, in the subset of TeX that matplotlib sets."""
     import sympy
 
     if issubclass(kind, SensorEffect):

@@ -184,7 +184,7 @@ def _scatter_and_band(ax: Any, x: Array, values: Array, block: int, dense: bool)
 
 
 def _main(comparison: Comparison) -> Missing:
-    """Return what is missing most, in what the equation typically holds."""
+    """Return the largest missing term, over the typical size of its equation."""
     if not comparison.missing:
         raise InputError("what is missing cannot be told: the record does not measure enough")
     return max(comparison.missing, key=lambda m: (m.clear, m.rms / m.typical))

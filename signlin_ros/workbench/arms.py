@@ -51,7 +51,7 @@ def compare(model: ArmModel, args: Args, say: Say) -> Answer:
 
 
 def diagnose(model: ArmModel, args: Args, say: Say) -> Answer:
-    """Return what is missing in which joint, as `signlin diagnose --json` prints it."""
+    """Return the JSON of `signlin diagnose` for an arm."""
     known, unseen, findings = _sides(model, args)
     result = diagnosed(model, known, unseen, progress=_progress(say))
     content = diagnosed_json(result, "", model.source, list(args["data"]))

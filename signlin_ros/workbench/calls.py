@@ -267,7 +267,7 @@ def compare_xy(args: Args, say: Say) -> Answer:
 
 
 def diagnose(args: Args, say: Say) -> Answer:
-    """Return what `signlin diagnose --json` prints, and the evidence picture of every named effect."""
+    """Return the JSON of `signlin diagnose`, and the evidence picture of every named effect."""
     from signlin_ros.workbench import evidence
 
     if arm := _arm(args):

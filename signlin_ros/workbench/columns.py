@@ -28,7 +28,7 @@ Table = dict[str, Any]
 
 
 def asked_of(s: Session, record: Entry) -> dict[str, Any]:
-    """Return what is asked about the columns of a record."""
+    """Return the question to a worker about the columns of a record."""
     time = record.get("signals", {}).get(TIME_COLUMN)
     return {"file": s.project.path(record["file"]), **({"time": time} if time else {})}
 
@@ -39,7 +39,7 @@ def read(s: Session, record: Entry) -> Any:
 
 
 def layout(s: Session, record: Entry) -> tuple[str, ...]:
-    """Return what the columns of a record are called; of one that is not read yet, its own name."""
+    """Return the key of a record's columns; of one that is not read yet, its own name."""
     found = read(s, record)
     return tuple(c["label"] for c in found["columns"]) if found and found["columns"] else (record["file"],)
 
@@ -72,7 +72,7 @@ def groups(s: Session) -> list[list[Entry]]:
 
 
 def question(s: Session, group: Sequence[Entry], model: str | None = None) -> dict[str, Any]:
-    """Return what is asked about the mapping of records, for the chosen model or another one."""
+    """Return the question to a worker about the mapping of records, for the chosen model or another one."""
     said = group[0].get("signals", {})
     files = [s.project.path(record["file"]) for record in group]
     asked = {"model": model or s.project.path(s.project.choices["model"]), "files": files}
@@ -162,7 +162,7 @@ def lacks(table: Table) -> str:
 
 
 def signals(s: Session, files: Sequence[str]) -> dict[str, str]:
-    """Return what ``--signal`` says of records, by their paths: what was said by hand, and what was proposed."""
+    """Return the ``--signal`` options of records, by their paths: set by hand, or proposed."""
     found: dict[str, dict[str, str]] = {}
     known = {record["file"]: record.get("known", {}) for record in s.project.choices["records"]}
     for table in tables(s):

@@ -81,7 +81,7 @@ def script(folder: Path, replay: str, steps: Iterable[Step], texts: Mapping[str,
 
 
 def launch_line(model: str) -> str:
-    """Return what starts the linearizer with a model."""
+    """Return the command that starts the linearizer with a model."""
     return f"ros2 run signlin_ros linearizer --ros-args --params-file {shlex.quote(model)}"
 
 

@@ -22,7 +22,7 @@ DOTS = 1500
 
 
 def shown(result: Diagnosis, asked: str = "") -> dict[str, Any]:
-    """Return what the page shows of the effects that were found, or asked for: pictures, values, what has no picture.
+    """Return the evidence of effects that were found, or asked for, as JSON: pictures, values, what has no picture.
 
     ``effect_evidence`` by effect; ``values``: effect -> parameter -> text; ``unseen``: effect -> why there is none.
     """

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def compare(s: Session) -> dict[str, Any]:
-    """Return what the page shows of Compare."""
+    """Return the stage Compare as JSON."""
     why = checked_first(s)
     if why:
         return block("compare", why, False, "")
@@ -62,7 +62,7 @@ def _notes(notes: list[str]) -> list[str]:
 
 
 def _lost(channels: list[dict[str, Any]]) -> str:
-    """Return what to say of channels that the model does not follow as given."""
+    """Return the sentence on channels that the model as given does not follow."""
     told = [f"{one['name'].replace('_', ' ')} ({_fits(one)})" for one in channels]
     if all(one["follows"] for one in channels):
         return (
@@ -84,7 +84,7 @@ def _fits(one: dict[str, Any]) -> str:
 
 
 def _mixed_up(s: Session) -> str:
-    """Return what the check says of columns that are mixed up; empty where it says nothing."""
+    """Return the check's sentence on exchanged columns; empty where there is none."""
     told = [f["sentence"] for f in check(s).get("findings", ()) if f["check"] == EXCHANGED and not f["applied"]]
     return f" The check: {told[0]}" if told else ""
 
@@ -118,7 +118,7 @@ def _off(score: dict[str, Any], unit: str) -> str:
 
 
 def diagnose(s: Session) -> dict[str, Any]:
-    """Return what the page shows of Diagnose."""
+    """Return the stage Diagnose as JSON."""
     why = checked_first(s)
     if why:
         return block("diagnose", why, False, "")
@@ -169,7 +169,7 @@ def _unseen(s: Session) -> str:
 
 
 def add(s: Session) -> dict[str, Any]:
-    """Return what the page shows of Add."""
+    """Return the stage Add as JSON."""
     why = checked_first(s)
     if why:
         return block("add", why, False, "")
@@ -238,7 +238,7 @@ def _nothing_named(diagnosis: Any) -> bool:
 
 
 def _others(s: Session, diagnosis: Any) -> list[str]:
-    """Return what else may be added, best first."""
+    """Return the other effects that may be added, best first."""
     if diagnosis is None:
         return []
     model = described(s)
@@ -248,7 +248,7 @@ def _others(s: Session, diagnosis: Any) -> list[str]:
 
 
 def _ladder(added: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return what is left on validation data before and after every addition: of the motion, and of the force."""
+    """Return the validation errors before and after every addition: of the motion, and of the force."""
     rungs = []
     for k, one in enumerate(added):
         given, ladder = one["json"]["given"], one["json"]["ladder"]
@@ -267,7 +267,7 @@ def _shown(label: str, rung: dict[str, Any]) -> dict[str, Any]:
 
 
 def use(s: Session) -> dict[str, Any]:
-    """Return what the page shows of Use."""
+    """Return the stage Use as JSON."""
     why = before(s)
     if why:
         return block("use", why, False, "")

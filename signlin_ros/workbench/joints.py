@@ -23,12 +23,12 @@ def is_arm(s: Session) -> bool:
 
 
 def compare(s: Session) -> dict[str, Any]:
-    """Return what the page shows of Compare: a table of joints."""
+    """Return the stage Compare of an arm as JSON: a table of joints."""
     return _shown(s, "compare", "Each joint's effort: what the URDF, friction and the model leave of it.", _compared)
 
 
 def diagnose(s: Session) -> dict[str, Any]:
-    """Return what the page shows of Diagnose: a sentence for each joint, and one for the robot."""
+    """Return the stage Diagnose of an arm as JSON: a sentence for each joint, and one for the robot."""
     return _shown(s, "diagnose", "What is missing, and in which joint?", _diagnosed)
 
 

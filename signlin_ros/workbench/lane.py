@@ -76,7 +76,7 @@ class Lane:
                 raise FaultError(f"the worker process ended with code {process.returncode}") from error
 
     async def call(self, verb: str, args: dict[str, Any], say: Say | None = None) -> Any:
-        """Return what a verb answers; raises as `raw`."""
+        """Return the answer of a verb as JSON; raises as `raw`."""
         return json.loads(await self.raw(verb, args, say))
 
     async def _exchange(self, process: asyncio.subprocess.Process, request: dict[str, Any], say: Say | None) -> bytes:

@@ -32,7 +32,7 @@ ASKED_TIME_UNIT = re.compile(r"say --signal '?t = ([^']+ \[\w+\])'")
 
 
 def columns(args: Args, say: Say) -> Answer:
-    """Return what a record holds: its columns with units and ranges, its length, what the reader noted.
+    """Return the content of a record: columns with units and ranges, its length, the reader's notes.
 
     ``texts``: columns of text, which a formula may use where they hold a direction. ``error``: why it cannot be read as
     is said; ``untimed``: but for its time, so that the columns are shown over their rows. ``time``: from which columns

@@ -69,7 +69,7 @@ def command(step: Mapping[str, Any], diagnosis: str) -> str:
 
 
 def shown(s: Session, diagnosis: Any) -> dict[str, Any]:
-    """Return what the page shows below a diagnosis: the form, and the plan where there is one."""
+    """Return the form and the plan below a diagnosis as JSON."""
     content, limits = diagnosis["json"], diagnosis.get("limits") or []
     if not limits or not content.get("rivals"):
         return {"form": None, "plan": None}

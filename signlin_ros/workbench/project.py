@@ -331,7 +331,7 @@ class Project:
         return f"{verb}-{hashlib.sha256(f'{text}{stamps}'.encode()).hexdigest()[:20]}"
 
     def result(self, key: str) -> Any:
-        """Return what was found under a key, None if nothing was; not to be changed."""
+        """Return the stored result of a key, None where there is none; not to be changed."""
         if key not in self._held:
             file = self.folder / "results" / f"{key}.json"
             try:

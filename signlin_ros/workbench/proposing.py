@@ -194,7 +194,7 @@ def _propose(row: dict[str, Any], records: Sequence[Record], taken: set[str]) ->
 
 
 def _guess(row: Mapping[str, Any], why: str, unit: str) -> str:
-    """Return what a proposal rests on, and what it leaves open."""
+    """Return the evidence of a proposed mapping, and its open questions."""
     return f"guessed: {why}" + ("" if unit else f"; in what unit? Taken in {row['unit']}")
 
 

@@ -16,7 +16,7 @@ AS_THEY_ARE = "none"
 
 
 def question(s: Session, verb: str) -> dict[str, Any]:
-    """Return what a verb is asked about: model, records, mapping, cures."""
+    """Return the arguments of a verb: model, records, mapping, cures."""
     p, c = s.project, s.project.choices
     data, validation = p.files("estimation"), p.files("validation")
     if verb == "compare" and not _of_arm(s):  # an arm's table is of data that no fit saw
@@ -55,22 +55,22 @@ def step(s: Session, verb: str) -> dict[str, Any] | None:
 
 
 def result(s: Session, verb: str, asked: dict[str, Any]) -> Any:
-    """Return what was answered, None before it was."""
+    """Return the answer to a question, None before there is one."""
     return s.project.result(s.project.key(verb, asked))
 
 
 def asked_of(done: dict[str, Any]) -> dict[str, Any]:
-    """Return what a step was asked."""
+    """Return the question of a step."""
     return {k: v for k, v in done.items() if k != "verb"}
 
 
 def used(s: Session, target: str) -> dict[str, Any]:
-    """Return what a file for another tool is asked about: as a comparison, and for which."""
+    """Return the arguments of an export: those of a comparison, and the target."""
     return {**question(s, "compare"), "target": target}
 
 
 def described(s: Session) -> Any:
-    """Return what is known of the model."""
+    """Return the arguments that describe the model."""
     model = s.project.choices["model"]
     return None if model is None else result(s, "describe", {"model": s.project.path(model)})
 
@@ -83,7 +83,7 @@ def script(s: Session) -> str:
 
 
 def reported(s: Session) -> dict[str, Any]:
-    """Return what a report is asked about: the model as it is, what was added to it, the diagnosis of it if there is
+    """Return the arguments of a report: the model as it is, what was added to it, the diagnosis of it if there is
     one, and the comparison.
     """
     asked, path = question(s, "compare"), s.project.choices["path"]

@@ -22,7 +22,7 @@ MAX_REQUEST_BYTES = 4 << 20
 
 
 async def asked(request: Request) -> dict[str, Any]:
-    """Return what a request asks for; raises `InputError` where that is no mapping, too long or too deep."""
+    """Return the mapping in a request's body; raises `InputError` where it is none, too long or too deep."""
     body = bytearray()
     async for chunk in request.stream():
         body += chunk

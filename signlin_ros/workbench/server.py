@@ -273,7 +273,7 @@ async def events(request: Request) -> Response:
 
 
 async def _next(listener: asyncio.Queue[dict[str, Any]]) -> dict[str, Any] | None:
-    """Return what is told next, None where nothing is for a while."""
+    """Return the next event of the stream, None after a while without one."""
     try:
         return await asyncio.wait_for(listener.get(), BEAT)
     except (TimeoutError, asyncio.TimeoutError):  # two classes on Python 3.10

@@ -82,7 +82,7 @@ class Session:
     # ---------------------------------------------------------------- asking
 
     async def asked(self, lane: Lane, verb: str, args: Args, **more: Any) -> Any:
-        """Return what a verb answers, from the disk if it was asked before; ``more`` is not part of the question."""
+        """Return the answer of a verb, from the disk if it was asked before; ``more`` is not part of the question."""
         key = self.project.key(verb, args)
         found = self.project.result(key)
         if found is None:

@@ -44,23 +44,23 @@ ADVICE = {
 
 
 def advice(stage: str, what: str, code: bool = False) -> dict[str, str]:
-    """Return what failed, and what to do; ``code``: a model names code that was not agreed to."""
+    """Return an error and its remedy as texts; ``code``: a model names code that was not agreed to."""
     return {"what": on_page(what), "do": "It runs with all your rights." if code else ADVICE[stage]}
 
 
 def interrupted(running: dict[str, str]) -> dict[str, str]:
-    """Return what to say of what ran when the server ended."""
+    """Return the message on the job that was running when the server ended."""
     what = f"The server ended during {running['what']!r}."
     return {"what": what, "do": "Nothing was changed by it, and nothing found; start it again when you like."}
 
 
 def block(stage: str, why: str, done: bool, sentence: str, command: str = "", **more: Any) -> dict[str, Any]:
-    """Return what the page shows of a stage."""
+    """Return a stage of the page as JSON."""
     return {"id": stage, "why": why, "done": done, "sentence": sentence, "command": command, **more}
 
 
 def record(s: Session) -> dict[str, Any]:
-    """Return what the page shows of Record."""
+    """Return the stage Record as JSON."""
     records = s.project.choices["records"]
     read = [found for r in records if (found := columns.read(s, r)) and found["columns"]]
     if not records:
@@ -152,7 +152,7 @@ def _first(s: Session, what: Callable[[columns.Table], str]) -> str:
 
 
 def _example(s: Session) -> str:
-    """Return what it means that the model was not given."""
+    """Return the warning that a shipped model stands in for the user's."""
     name = s.project.choices["model"]
     return f"The model is the shipped example {name}, which has the signals of the record: its numbers are not yours."
 
@@ -178,7 +178,7 @@ def changed(s: Session) -> bool:
 
 
 def check(s: Session) -> dict[str, Any]:
-    """Return what the page shows of Check."""
+    """Return the stage Check as JSON."""
     why = before(s)
     if why:
         return block("check", why, False, "")
@@ -241,14 +241,14 @@ def _read_as(asked: str) -> str:
 
 
 def _looked(s: Session) -> list[str]:
-    """Return what a check has looked for, and what it cannot know."""
+    """Return a summary of the checks made, and of their limits."""
     tables = columns.tables(s)
     said = [(f"{', '.join(t['names'])}: " if len(tables) > 1 else "") + columns.said(t) for t in tables]
     return [LOOKED_FOR, *(f"Columns as mapped. {text}." for text in said), UNKNOWN_COLUMN]
 
 
 def _whose_numbers(s: Session, findings: list[dict[str, Any]]) -> str:
-    """Return what to think of a scale that does not fit where nobody gave the model."""
+    """Return the warning that a scale may be the shipped model's and not the record's."""
     scales = any(str(f.get("cure")).startswith("scale") and not f.get("applied") for f in findings)
     if not scales or not s.project.choices.get("guessed"):
         return ""

@@ -62,7 +62,7 @@ def answer(request: dict[str, Any], say: Callable[[dict[str, Any]], None]) -> tu
 
 
 def _own_streams() -> tuple[BinaryIO, BinaryIO]:
-    """Return what to read and write frames with; from now on `print` goes to standard error."""
+    """Return the streams of frames to read and to write; from now on `print` goes to standard error."""
     incoming, outgoing = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     with open(os.devnull, "rb") as nothing:  # noqa: PTH123 - a descriptor is wanted
@@ -84,7 +84,7 @@ def _requests(incoming: BinaryIO) -> queue.SimpleQueue[dict[str, Any]]:
 
 
 def _writer(outgoing: BinaryIO) -> Callable[..., None]:
-    """Return what writes frames, one after the other, whichever threads ask for it."""
+    """Return a function that writes frames one after the other, from any thread."""
     turn = threading.Lock()
 
     def put(head: dict[str, Any], body: bytes = b"") -> None:

@@ -152,7 +152,7 @@ def not_applicable(plant: str) -> str:
 
 
 def by_force(left: float, before: float, of_effort: str, whole: float) -> str:
-    """Return what a law would leave of the force, and what the model without it does, in per cent of the effort."""
+    """Return the force residual with a law and without it, in per cent of the effort, as a phrase."""
     told = f"{left:.3g} %" if left <= whole else "more than all"
     return f"by the force it would leave {told} {of_effort} on validation data, the model without it {before:.3g} %"
 

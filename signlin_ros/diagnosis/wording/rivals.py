@@ -16,7 +16,7 @@ from signlin_ros.recording.trace import resolve_unit
 
 
 def told(evidence: Evidence, rivals: Sequence[RefittedRival], final: FittedModel) -> str:
-    """Return what was made of the rivals, in words; empty where there are none, or nothing is named."""
+    """Return the sentences on the rivals; empty where there are none, or nothing is named."""
     if not rivals or not final.effects:
         return ""
     ties = undecided(evidence, rivals, final)

@@ -192,7 +192,7 @@ def _twincat(lines: Sequence[str]) -> Plain | None:
 
 
 def _scope_unit(t: Array, stated: float) -> float:
-    """Return what times count in, in s: ms, or ticks where steps are as many of these as the sample time says."""
+    """Return the unit of times in s: ms, or ticks where steps are as many of these as the sample time says."""
     step = float(np.median(np.diff(t))) if t.size > 1 else 0.0
     ticks = np.isfinite(stated) and stated > 0.0 and abs(step * TICKS / (1e-3 * stated) - 1.0) < 0.1
     return TICKS if ticks else 1e-3

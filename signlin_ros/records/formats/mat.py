@@ -163,7 +163,7 @@ def _first_rows(found: dict[str, Any], signals: Mapping[str, str]) -> dict[str, 
 
 
 def _notes(out: Mapping[str, str]) -> tuple[Note, ...]:
-    """Return what is said of the variables that are left out, those for the same reason together."""
+    """Return notes on the variables that are left out, those for the same reason together."""
     notes = []
     for why in dict.fromkeys(out.values()):
         names = [repr(name) for name, its in out.items() if its == why]
