@@ -31,8 +31,7 @@ def needs_no_search(evidence: Evidence, f: FittedModel) -> bool:
 
 def fit_every_law(evidence: Evidence, now: FittedModel) -> list[FittedModel]:
     """Return every law fitted by itself that comes near a proposal, or is among the best where there is none."""
-    known = {n for f in evidence.single_effect_fits for n in f.effects}
-    names = [n for n in EFFECTS if n in evidence.output_error.candidates - known]
+    names = [n for n in EFFECTS if n in evidence.output_error.candidates - evidence.cache.from_all_starts]
     evidence.cache.keep(*_extended(evidence, evidence.base, names, now, MIN_GAIN_SHARE))
     return evidence.single_effect_fits
 

@@ -19,6 +19,8 @@ LOOP_POWERS = (1.0, 2.0, 3.0)
 """Powers that are tried."""
 LOOP_SHAPES = (0.6, -0.6)
 """Shapes of the loop that are tried, gamma as a share of beta: a branch that softens, and one that hardens."""
+LOOP_YIELDS = (4.0, 1.5, 0.3)
+"""Displacements over D from which on a loop that is tried yields: late, within the travel, and early in it."""
 
 
 class BoucWenHysteresis(Effect):
@@ -51,7 +53,7 @@ class BoucWenHysteresis(Effect):
         {"alpha": 0.5, "D": 0.3, "beta": beta, "gamma": share * beta, "n": n, "k": 1.0}
         for n in LOOP_POWERS
         for share in LOOP_SHAPES
-        for beta in (0.1, 0.5)
+        for beta in (yields**-n / (1.0 + abs(share)) for yields in LOOP_YIELDS)
     )
 
     @classmethod

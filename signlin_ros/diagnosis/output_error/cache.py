@@ -20,11 +20,11 @@ class FitCache:
     """Fits of one problem, by what they are of.
 
     best : the fit of the least training error by then, by the keys of its effects (`FittedModel.kind`).
-    climbed : a fit of one more effect from all its starts, None where it diverged; by all keys and the channel.
+    multi_start : a fit of one more effect from all its starts, None where it diverged; by all keys and the channel.
     asked : what `OutputErrorEstimator.fitted` returned, by effects and start.
-    tried : the models that a selection weighed, in the order in which it met them.
+    weighed : the models that a selection weighed, in the order in which it met them.
     searched : names of the effects that were tried on top of others.
-    force_left : mean squared force (blocks,) that a model as written leaves of validation data.
+    force_mse : mean squared force (blocks,) that a model as written leaves of validation data.
     """
 
     best: dict[Kind, FittedModel] = field(default_factory=dict)
@@ -33,6 +33,11 @@ class FitCache:
     weighed: list[FittedModel] = field(default_factory=list)
     searched: dict[tuple[str, ...], set[str]] = field(default_factory=dict)
     force_mse: dict[FittedModel, NDArray[np.float64]] = field(default_factory=dict)
+
+    @property
+    def from_all_starts(self) -> set[str]:
+        """The effects that were fitted by themselves from all their starts."""
+        return {name for *before, name, _ in self.multi_start if not before}
 
     def keep(self, *found: FittedModel) -> None:
         """Keep models that a selection weighs."""

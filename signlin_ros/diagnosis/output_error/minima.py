@@ -155,8 +155,11 @@ class Minima(Decisions):
         starts = [(c, c.start(plain)) for c in candidates]
         if not EFFECTS[use.type].plausible(use.parameters):
             return self._physical(found, starts)
-        again = self._lower_minimum(f, starts)
-        return self._descended(again) if again and again.log_mse < found.log_mse else found
+        for gain in (1, 0):  # an observer that is slower loses what a wide motion remembers
+            again = self._lower_minimum(f, starts, gain)
+            if again and again.log_mse < found.log_mse:
+                return self._descended(again)
+        return found
 
     def _physical(self, found: Minimum, starts: Sequence[tuple[Candidate, Array]]) -> Minimum:
         """Return the best of some starts gone on with to the end, where that errs less than a fit, or not surely more
@@ -195,14 +198,19 @@ class Minima(Decisions):
             points += [CandidateParts.of(f).without(key).candidate(self.training) for key in extra]
         return [(one, one.start(f.parameters())) for one in points]
 
-    def _lower_minimum(self, f: Fit, points: Sequence[tuple[Candidate, Array]]) -> Minimum | None:
-        """Return the best of some points gone on with to the end, if a few steps lead further down than from a fit."""
-        middle, starts = self.training.observer_gains[1], [(c.apart(), x) for c, x in ((f.candidate, f.theta), *points)]
-        here, *there = self.in_parallel(lambda one: fit(self.short, one[0], middle, one[1], MIDDLE_STEPS), starts)
+    def _lower_minimum(self, f: Fit, points: Sequence[tuple[Candidate, Array]], gain: int = 1) -> Minimum | None:
+        """Return the best of some points gone on with to the end, if a few steps lead further down than from a fit;
+        ``gain``: the number of the observer gain at which they are held against each other, 0 being the highest.
+        """
+        gains, starts = self.training.observer_gains[gain], [(f.candidate, f.theta), *points]
+        here, *there = self.in_parallel(
+            lambda one: fit(self.short, one[0].apart(), gains, one[1], MIDDLE_STEPS), starts
+        )
         best = cheapest(there)
         if best is None or (here and best.objective > here.objective - 1.0):
             return None
-        return self._over_gains(best.candidate, best.theta)
+        found = self._over_gains(best.candidate, best.theta)
+        return found if gain else self._held(best.candidate, best.theta, found) or found
 
 
 __all__ = ["Minima"]
