@@ -108,6 +108,10 @@ class Candidate:
         """Return the same with starts of its own: what is fitted beside it is not to bear on it."""
         return replace(self, starts=dict(self.starts))
 
+    def started_for(self, tau: float) -> Candidate:
+        """Return the same with the starts alone that were found for an observer of time constant ``tau`` in s."""
+        return replace(self, starts={key: start for key, start in self.starts.items() if key[1] == tau})
+
     def as_without(self, values: Mapping[str, float], kept: Collection[str]) -> Array:
         """Return the coordinates of some values with the effects at nothing that are not among the keys ``kept``."""
         theta = self.start(values)

@@ -193,8 +193,17 @@ def _record_start(problem: Problem, c: Candidate, s: PreparedSegment, tau: float
         shown = c.angular and position in s.start and position in problem.channels
         found = _sought(lambda x: run(x, size), x0, unknown, c.model.states.index(position) if shown else -1)
         found = _descended(errors, found, errors(found.x), MAX_START_SWEEPS)[0] if longer else found
+        found = min((found, *_elsewhere(c, key)), key=lambda one: mean_square(run(one.x, s.t.size)[0][:, None])[0])
     c.starts[key] = replace(found, record=s)  # which keeps the identity its own
     return found.x
+
+
+def _elsewhere(c: Candidate, key: tuple[Any, ...]) -> list[Start]:
+    """Return where a record starts for observers other than that of a ``key``: it is no matter of what observes it, and
+    the first samples of what never forgets may say little of it.
+    """
+    others = [one for k, one in c.starts.items() if k != key and (k[0], *k[2:]) == (key[0], *key[2:])]
+    return [replace(one, changes=None) for one in others]
 
 
 def _unknown(problem: Problem, c: Candidate, s: PreparedSegment) -> dict[int, tuple[int, float]]:

@@ -94,7 +94,7 @@ def _regressors(
     """Return functions (T, ny, k) of a fit's motion as an observer leaves them, its residual (T, ny) in units of the
     noise, and the number (T,) of the block that a sample is in; None where the motion is lost.
     """
-    run = follow_records(problem, f.candidate, f.theta, gains, False)
+    run = follow_records(problem, f.candidate.started_for(f.gains.tau), f.theta, gains, False)
     if run is None:
         return None
     used = min(1.0, MAX_TESTED_SAMPLES / max(problem.samples, 1))
