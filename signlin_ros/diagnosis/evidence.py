@@ -48,14 +48,15 @@ class Evidence:
     """What both estimates measure of a model.
 
     ``equation_error``: None where the signals that the forces depend on are not recorded; ``contradicted``: the base
-    model as the output error alone has it, where the forces contradict that (`grounded`). Squared forces are in N² or
-    (N·m)², means over blocks of validation data.
+    model as the output error alone has it, where the forces contradict that (`grounded`), and ``unheld`` the estimate
+    that holds none of its parameters. Squared forces are in N² or (N·m)², means over blocks of validation data.
     """
 
     dataset: Dataset
     output_error: OutputErrorEstimator
     equation_error: EquationErrorResult | None
     contradicted: FittedModel | None = None
+    unheld: OutputErrorEstimator | None = None
 
     @property
     def cache(self) -> FitCache:
@@ -87,7 +88,7 @@ class Evidence:
             return self
         told = force.with_laws(force.fit)
         held = {n: told.value(n) for n in force.regression.names if n in told.parameters}
-        found = Evidence(self.dataset, motion.holding(held, motion.progress), force, motion.base)
+        found = Evidence(self.dataset, motion.holding(held, motion.progress), force, motion.base, motion)
         if (own := found.force_mse_as_written(found.base)) is not None and np.mean(own) > np.mean(given):
             return replace(found, output_error=found.output_error.referring_to_given())
         return found

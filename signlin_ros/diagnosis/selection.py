@@ -10,6 +10,7 @@
 | `_with_unseen_effect` | the output error refused the laws | they, beside an effect that acts on no force |
 | `OutputErrorEstimator.search` | none of these explains the force | the end of a forward search by simulation |
 | `_resolved` | two models were found | the better one, or the base and why the estimates differ |
+| `_released` | forces held the base; more than noise is left | a law beside a free base that leaves only noise |
 | `smallest_as_good` | always | of what is as good, the fewest effects, then the fewest parameters |
 | `single_effect_leaving_noise`, `better_option` | more than noise is left | a law by itself, or of one's family |
 | `Evidence.with_better_values` | always | the same effects, with parameters of the motion or of the force |
@@ -71,6 +72,7 @@ def select_model(evidence: Evidence) -> Selection:
     conflict = conflict.format(listed(final.effects))
     options = [] if needs_no_search(evidence, final) else fit_every_law(evidence, final)
     options += [] if explains_to_noise(evidence, final) else fit_families(evidence, final)
+    options += [] if needs_no_search(evidence, final) else _released(evidence, final)
     final = smallest_as_good(evidence, final) if options else final
     other = single_effect_leaving_noise(evidence, final) or better_option(evidence, final, options)
     final = evidence.with_better_values(smallest_as_good(evidence, other) if other else final)
@@ -268,6 +270,20 @@ def smallest_as_good(evidence: Evidence, final: FittedModel) -> FittedModel:
         if not shown or evidence.force_mse(f) is not None or (f.residual_is_noise and evidence.residual_is_noise(f))
     ]
     return min(good, key=lambda f: (len(f.effects), f.n_parameters, f.log_mse), default=final)
+
+
+def _released(evidence: Evidence, final: FittedModel) -> list[FittedModel]:
+    """Return the best single effect, and ``final``, with base parameters free that were held at what forces tell of
+    them, where that leaves noise: forces were read beside the law that they found first.
+    """
+    if evidence.unheld is None:
+        return []
+    best = min(evidence.single_effect_fits, key=lambda f: f.log_mse, default=final)
+    fits = [evidence.unheld.fitted(f.effects, f.model) for f in (best, final) if f.effects]
+    found = [f for f in fits if explains_to_noise(evidence, f)]
+    evidence.cache.best.update({f.kind: f for f in found})
+    evidence.cache.keep(*found)
+    return found
 
 
 def single_effect_leaving_noise(evidence: Evidence, final: FittedModel) -> FittedModel | None:

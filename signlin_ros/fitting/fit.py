@@ -120,31 +120,26 @@ def evaluated(problem: Problem, c: Candidate, x: Array, gains: ObserverGains, wi
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def further(problem: Problem, f: Fit, steps: int) -> Fit:
     """Go on with a fit for some steps of Levenberg and Marquardt's method."""
-    damping, fall, undamped = 1e-3, np.inf, False
+    damping = 1e-3
     for _ in range(steps):
-        over_noise = f.objective - float(np.sum(f.count * np.log(problem.noise**2)))
-        least = MIN_COST_FALL + MIN_RELATIVE_FALL * max(over_noise, 0.0)
         new = bounded_step(f.theta, f.gradient, f.hessian, damping, *f.candidate.bounds)
-        if fall < least or _foretold(f, new) < MIN_COST_FALL:  # along a valley a damped step hardly moves
-            new = bounded_step(f.theta, f.gradient, f.hessian, 0.0, *f.candidate.bounds)
-            if undamped or _foretold(f, new) < least:
-                break
-            damping, undamped = 0.0, True
+        shift = new - f.theta
+        gained = -2 * f.gradient @ shift - shift @ f.hessian @ shift
+        if float(gained) < MIN_COST_FALL:
+            break
         trial = evaluated(problem, f.candidate, new, f.gains)
         if trial is None or not trial.objective < f.objective:
-            damping, fall = max(16 * damping, 1e-9), np.inf
+            damping *= 16
             if damping > MAX_DAMPING:
                 break
             continue
-        fall, f = f.objective - trial.objective, trial
+        gain, f = f.objective - trial.objective, trial
         damping = max(damping / 8, 1e-9)
+        if gain < MIN_COST_FALL + MIN_RELATIVE_FALL * max(
+            f.objective - float(np.sum(f.count * np.log(problem.noise**2))), 0.0
+        ):
+            break
     return f
-
-
-def _foretold(f: Fit, new: Array) -> float:
-    """Return by how much the objective would fall from a fit to other coordinates (n,), were it quadratic."""
-    shift = new - f.theta
-    return float(-2 * f.gradient @ shift - shift @ f.hessian @ shift)
 
 
 __all__ = ["Fit", "evaluated", "fit", "further", "with_positive_amplitudes"]

@@ -256,10 +256,7 @@ def test_a_step_of_the_fit_depends_on_no_unit():
     assert own == pytest.approx(unit * plain)
 
 
-def test_what_only_the_tolerance_tells_of_has_the_tolerance_for_its_standard_error():
-    """Torque constant, inertia and friction of a motor, all times the same, move alike: three laws that left but noise
-    were refused, because friction was "0.0 of its own standard errors from nothing".
-    """
+def motor_with_friction() -> tuple[OutputErrorEstimator, Model]:
     values = {"R_a": 1.2, "L_a": 5e-4, "K_t": 0.042, "K_m": 0.042, "B": 0.0, "J": 6e-5}
     friction = {"effects": {"coulomb_friction": {"mu": 0.011}}}
     base = Model.from_dict({"plant": "dc_motor", "parameters": values, "tolerance": 0.2})
@@ -275,6 +272,14 @@ def test_what_only_the_tolerance_tells_of_has_the_tolerance_for_its_standard_err
         return ModelData(t, u, measured, None, ("voltage",), ("current", "speed"), {})
 
     estimator = estimator_of(*prepared(base, [motor(1)], [motor(2)]), Criteria(), FitCache(), jobs=1)
+    return estimator, truth
+
+
+def test_what_only_the_tolerance_tells_of_has_the_tolerance_for_its_standard_error():
+    """Torque constant, inertia and friction of a motor, all times the same, move alike: three laws that left but noise
+    were refused, because friction was "0.0 of its own standard errors from nothing".
+    """
+    estimator, truth = motor_with_friction()
     found = estimator.fitted(["coulomb_friction"], truth)
     at = [one.k.name for one in found.coordinates]
     for covariance in found.covariances:
