@@ -41,7 +41,7 @@ def asked_limits(model: Model, records: Sequence[ModelData]) -> list[dict[str, A
     plant = model.plant
     if plant.motion_is_imposed():
         return []
-    name, units = model.inputs[0], model.units
+    name, units = model.inputs[0], {**model.units, **records[0].units}
     largest = max(float(np.nanmax(np.abs(r.u[:, 0]))) for r in records)
     rows: list[tuple[str, str, str, float | None]] = [(name, "largest", units[name], largest)]
     rows.append((plant.velocity, "largest", units[plant.velocity], _largest(records, plant.velocity)))

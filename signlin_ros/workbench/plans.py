@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from signlin_ros.errors import InputError
 from signlin_ros.workbench import columns, commands
-from signlin_ros.workbench.project import fresh
+from signlin_ros.workbench.project import fresh, plan_of
 from signlin_ros.workbench.questions import question, result
 from signlin_ros.workbench.wording import on_page
 
@@ -87,8 +87,8 @@ def _step(s: Session) -> float | None:
 
 
 def _plan(s: Session) -> dict[str, Any] | None:
-    planned = s.project.choices.get("planned")
-    if not planned or not planned["asked"]:
+    planned = plan_of(s.project.choices)
+    if planned is None or not planned["asked"]:
         return None
     key = s.project.key("experiment", planned["asked"])
     found = result(s, "experiment", planned["asked"])
@@ -104,7 +104,7 @@ def _plan(s: Session) -> dict[str, Any] | None:
 
 def judges(s: Session) -> dict[str, Any] | None:
     """Return what a diagnosis judges by a plan: its ``rivals``, names of its new ``records``; None: nothing."""
-    planned = s.project.choices.get("planned")
+    planned = plan_of(s.project.choices)
     new = fresh(s.project.choices)
     if not planned or not new or planned["model"] != s.project.choices["model"]:
         return None

@@ -68,9 +68,21 @@ def _shortened(stem: str) -> str:
     return stem.lstrip("-.")[:MAX_NAME_LENGTH].strip() or "file"
 
 
+def plan_of(choices: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Return the plan of the next record of some choices (see `plans`); None where there is none, or it is not one."""
+    found = choices.get("planned")
+    try:
+        own = [*found["files"].values(), *found["records"], *found["names"]]
+        whole = "rivals" in found["files"] and isinstance(found["asked"], (dict, type(None))) and "model" in found
+    except (TypeError, KeyError, AttributeError):
+        return None
+    plain = all(isinstance(name, str) for name in own)
+    return found if whole and plain and all(Path(f).name == f for f in found["files"].values()) else None
+
+
 def fresh(choices: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return the records of some choices that came after the plan of the next record; none where there is no plan."""
-    planned = choices.get("planned")
+    planned = plan_of(choices)
     return [r for r in choices["records"] if r["file"] not in planned["records"]] if planned else []
 
 
@@ -359,5 +371,6 @@ __all__ = [
     "Project",
     "fresh",
     "lock",
+    "plan_of",
     "safe_name",
 ]

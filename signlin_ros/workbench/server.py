@@ -27,7 +27,7 @@ from signlin_ros.workbench.actions import ACTIONS
 from signlin_ros.workbench.formats import FILES
 from signlin_ros.workbench.lane import FaultError, LaneCancelledError, RefusedError
 from signlin_ros.workbench.live import Live
-from signlin_ros.workbench.project import STORE, Project, lock, safe_name
+from signlin_ros.workbench.project import STORE, Project, lock, plan_of, safe_name
 from signlin_ros.workbench.receiving import asked, received
 from signlin_ros.workbench.session import Session
 
@@ -226,8 +226,8 @@ def _view_question(session: Session, what: str, args: dict[str, Any]) -> tuple[s
         asked = questions.question(session, "compare")
         values = {str(k): float(v) for k, v in dict(args.get("values") or {}).items()}
         return "tune", {**wanted, **asked, "file": asked["data"][0], "values": values}
-    planned = session.project.choices.get("planned") or {}
-    if what == "plan" and planned.get("asked"):
+    planned = plan_of(session.project.choices)
+    if what == "plan" and planned is not None and planned["asked"]:
         key = session.project.key("experiment", planned["asked"])
         found = session.project.result(key)
         way = int(args.get("way") or 0)

@@ -15,7 +15,7 @@ from signlin_ros.model import Model
 from signlin_ros.simulation import simulate
 from signlin_ros.workbench import commands, planning, plans, questions
 from signlin_ros.workbench.calls import WORKER_CALLS
-from signlin_ros.workbench.project import Project, safe_name
+from signlin_ros.workbench.project import Project, fresh, plan_of, safe_name
 from signlin_ros.workbench.session import Session
 from signlin_ros.workbench.uploaded import CodeError
 from signlin_ros.workbench.wording import on_page
@@ -253,6 +253,22 @@ def test_records_after_a_plan_are_judged_by_its_rivals_and_one_is_kept_from_the_
     s.project.amend(model="model_2.yaml")  # its rivals are others
     assert plans.judges(s) is None
     assert "rivals" not in questions.question(s, "diagnose")
+
+
+@pytest.mark.parametrize(
+    "planned",
+    [
+        "nonsense",
+        {"files": {"rivals": "../../model.yaml"}, "asked": None, "model": "m", "names": [], "records": []},
+        {"files": {"csv": "next_1.csv"}, "asked": None, "model": "m", "names": [], "records": []},
+        {"files": {"rivals": "r"}, "asked": 3, "model": "m", "names": [], "records": []},
+        {"files": {"rivals": "r"}, "asked": None, "model": "m", "names": [1], "records": 5},
+    ],
+)
+def test_a_plan_of_somebody_else_that_is_none_is_not_there(planned: Any) -> None:
+    choices = {"planned": planned, "records": [{"file": "a.csv"}]}
+    assert plan_of(choices) is None
+    assert fresh(choices) == []
 
 
 def test_the_script_plans_from_the_diagnosis_before_it(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import signal
 import time
 from collections.abc import Callable
@@ -103,6 +104,30 @@ def test_a_diagnosis_is_cancelled_within_a_second_and_nothing_is_left(
     assert workers - left
     page.picture("cancelled", "stage-diagnose")
     page.wait(lambda: page.driver.find_element("id", "do-diagnose").is_enabled(), "another diagnosis to be possible")
+
+
+def test_a_long_comparison_tells_what_it_does_and_is_cancelled(
+    client: Client, hidden_effect: Path, longer: Callable[..., Path], tmp_path: Path
+) -> None:
+    project = client.project()
+    record = longer(hidden_effect / "estimation.csv", 60, tmp_path / "long.csv")  # some 96,000 rows
+    bodies = {"model.yaml": (hidden_effect / "model.yaml").read_bytes(), "long.csv": record.read_bytes()}
+    names = [json.loads(client.put(project, name, body)[1])["file"] for name, body in bodies.items()]
+    client.act(project, "take", files=names)
+    assert client.settled(project)["stages"][1]["done"]
+    assert client.act(project, "compare")[0] == 200
+    while not (busy := client.state(project)["busy"]) or busy["share"] == 0.0:
+        assert busy, "it ended before anything was told"
+    assert busy["stage"] == "compare"
+    assert busy["what"]
+    client.act(project, "cancel")
+    state = client.settled(project)
+    (block,) = (b for b in state["stages"] if b["id"] == "compare")
+    assert block["error"]["what"] == "Cancelled."
+    assert not block["done"]
+    assert not list((client.server.folder / ".signlin" / project / "results").glob("compare-*"))
+    assert client.act(project, "check")[0] == 200  # something else goes at once
+    assert client.settled(project)["stages"][1]["done"]
 
 
 def test_nothing_is_lost_when_the_server_is_killed(

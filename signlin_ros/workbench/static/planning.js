@@ -29,7 +29,7 @@ function form(block, state, go) {
   const held = (key, value) => written.get(key) ?? value ?? "";
   const field = (name, doc, u, value, hint) => [
     h("label", { for: `limit-${name}` }, h("b", {}, CALLED[name] ?? words(name)), h("br"), h("span", { class: "quiet" }, doc)),
-    h("input", { type: "text", inputmode: "decimal", id: `limit-${name}`, value: held(name, value), placeholder: hint, autocomplete: "off", oninput: keep(name) }),
+    h("input", { type: "text", inputmode: "decimal", id: `limit-${name}`, value: held(name, value), placeholder: hint, autocomplete: "off", oninput: keep(name), onkeydown: (e) => e.key === "Enter" && !busy && send() }),
     h("span", {}, u)];
   const pick = (k) => h("select", { id: `between-${k}`, "aria-label": k ? "the other rival" : "one rival", onchange: keep(`between-${k}`) },
     h("option", { value: "" }, k ? "..." : every), rivals.map((r) => h("option", { value: r, selected: r === held(`between-${k}`) }, words(r).replaceAll("+", " with "))));

@@ -116,7 +116,7 @@ export class Stack {
       scales: { x: { time: false }, y: { range: () => ranged(chart.data) } },
       axes: [
         { ...axis, ticks: { ...axis.ticks, show: last }, size: last ? 42 : 8, values: last ? undefined : (_, s) => s.map(() => ""), label: last ? this.over : undefined, labelSize: last ? 18 : 0 },
-        { ...axis, size: 64, space: 22, label, labelSize: 18, values: (_, s) => s.map((v) => number(v, 4)) },
+        { ...axis, size: 64, space: row.height < 100 ? 15 : 22, label, labelSize: 18, values: (_, s) => s.map((v) => number(v, 4)) },
       ],
       bands: EDGES.every((n) => names.includes(n)) ? [{ series: [1 + names.indexOf("high"), 1 + names.indexOf("low")], fill: css("--grid") }] : [],
       series: [{}, ...names.map((n) => ({ label: n, stroke: css(LOOKS[n].stroke), width: LOOKS[n].width, dash: LOOKS[n].dash, points: { show: false } }))],

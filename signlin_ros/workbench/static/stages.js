@@ -82,7 +82,7 @@ function sheets(state, go) {
       h("div", { class: "row" }, h("label", { for: "form" }, "What it is"), h("select", { id: "form", onchange: (e) => { form = e.target.value; draw(); } }, state.forms.map((f) => h("option", { value: f.id, selected: f.id === own.id }, f.title)))),
       h("div", { class: "fields" }, own.fields.map((f) => [
         h("label", { for: `form-${f.name}` }, h("b", {}, f.name), h("br"), h("span", { class: "quiet" }, f.doc)),
-        h("input", { type: "text", inputmode: "decimal", id: `form-${f.name}`, value: held(`${own.id} ${f.name}`, f.start), title: f.least, autocomplete: "off", oninput: keep(`${own.id} ${f.name}`) }),
+        h("input", { type: "text", inputmode: "decimal", id: `form-${f.name}`, value: held(`${own.id} ${f.name}`, f.start), title: f.least, autocomplete: "off", oninput: keep(`${own.id} ${f.name}`), onkeydown: (e) => e.key === "Enter" && !state.busy && take() }),
         h("select", { id: `form-unit-${f.name}`, "aria-label": `Unit of ${f.name}`, onchange: keep(`${own.id} ${f.name} unit`) }, f.units.map((u) => h("option", { value: u, selected: u === held(`${own.id} ${f.name} unit`, f.units[0]) }, u)))])),
       h("div", { class: "row" }, h("button", { id: "write", disabled: Boolean(state.busy), onclick: take }, "Make the model file"),
         h("span", { class: "quiet" }, "Roughly right is enough: 20 % off is allowed for, and Compare fits them anew.")));
