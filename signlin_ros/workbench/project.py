@@ -70,14 +70,14 @@ def _shortened(stem: str) -> str:
 
 def plan_of(choices: Mapping[str, Any]) -> dict[str, Any] | None:
     """Return the plan of the next record of some choices (see `plans`); None where there is none, or it is not one."""
-    found = choices.get("planned")
+    found: Any = choices.get("planned")
     try:
         own = [*found["files"].values(), *found["records"], *found["names"]]
         whole = "rivals" in found["files"] and isinstance(found["asked"], (dict, type(None))) and "model" in found
     except (TypeError, KeyError, AttributeError):
         return None
     plain = all(isinstance(name, str) for name in own)
-    return found if whole and plain and all(Path(f).name == f for f in found["files"].values()) else None
+    return dict(found) if whole and plain and all(Path(f).name == f for f in found["files"].values()) else None
 
 
 def fresh(choices: Mapping[str, Any]) -> list[dict[str, Any]]:
