@@ -150,7 +150,7 @@ def _turns(evidence: Evidence) -> bool:
 
 def _place(evidence: Evidence, computed: Array, waves: Sequence[Wave] = ()) -> Place:
     """Return the coordinate over which a force is most nearly a curve, for each direction of motion; of one that
-    repeats the position within a period of its strongest wave.
+    repeats the position within a period of its strongest wave, or within a turn.
     """
     force, plant = evidence.equation_error, evidence.dataset.plant
     assert force is not None  # noqa: S101  asked before
@@ -168,6 +168,9 @@ def _place(evidence: Evidence, computed: Array, waves: Sequence[Wave] = ()) -> P
     side = np.sign(velocity)
     shares = {n: _unexplained(x, side, computed) for n, x in ((plant.velocity, velocity), (plant.position, position))}
     best = plant.velocity if shares[plant.velocity] <= shares[plant.position] + ALIKE_VARIANCE else plant.position
+    within = folded(position, 1.0)
+    if shares[best] > 0.5 and _turns(evidence) and _unexplained(within, side, computed) <= 0.5:
+        return Place(f"{plant.position} within a turn", "rad", within, side, False, False)
     if shares[best] > 0.5:
         ends = np.cumsum([0.0, *(float(p.t[-1]) for p in parts)])
         t = np.concatenate([p.t[p.kept] + end for p, end in zip(parts, ends, strict=False)])

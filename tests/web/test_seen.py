@@ -7,12 +7,14 @@ import json
 import re
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
 from signlin_ros.comparison import waves
+from signlin_ros.diagnosis import effect_evidence
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model
 from signlin_ros.workbench import further, stages
@@ -85,6 +87,30 @@ def test_a_force_folded_at_its_order_is_one_curve() -> None:
     assert x.max() < 2 * np.pi / 12
     wave = np.sin(12 * q + 0.4)[order]
     assert np.abs(np.diff(wave)).max() < 0.1
+
+
+@pytest.mark.parametrize(
+    ("turns", "force", "over"),
+    [
+        (20.0, lambda t, q: np.sin(q), "position within a turn"),
+        (0.2, lambda t, q: np.sin(q), "position"),
+        (20.0, lambda t, q: np.sin(9.0 * t), "time"),
+    ],
+)
+def test_a_force_of_the_angle_is_shown_within_a_turn_however_far_it_turns(turns: float, force: Any, over: str) -> None:
+    t = np.linspace(0.0, 10.0, 4000)
+    position = 2 * np.pi * turns * (np.sin(1.3 * t) + 0.6 * np.sin(3.1 * t + 1.0))
+    values = {"position": position, "speed": np.gradient(position, t)}
+    piece = SimpleNamespace(values=values, kept=slice(None), t=t, cutoff=20.0)
+    plant = Model.load("dc_motor").plant
+    training = SimpleNamespace(shown=lambda unit: "rad", units={"position": "rad"})
+    evidence: Any = SimpleNamespace(
+        equation_error=SimpleNamespace(validation=SimpleNamespace(pieces=[piece])),
+        dataset=SimpleNamespace(plant=plant, training=training),
+    )
+    place = effect_evidence._place(evidence, force(t, position))
+    assert place.name == over
+    assert over != "position within a turn" or place.x.max() < 2 * np.pi
 
 
 @pytest.fixture(scope="module")

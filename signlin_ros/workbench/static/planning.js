@@ -37,9 +37,9 @@ function form(block, state, go) {
     go("plan", { limits: Object.fromEntries(limits.map((l) => [l.name, held(l.name, l.value)])), between: [held("between-0"), held("between-1")].filter(Boolean),
       ...Object.fromEntries(RUNS.map(([name]) => [name, held(name)])), spare: held("spare", "20") });
   };
-  const hints = { duration: "as the record", dt: step ? String(step) : "as the record" };
+  const hints = { duration: "automatic", dt: step ? String(step) : "automatic" };
   return h("div", { class: "sheet" },
-    h("p", { class: "quiet" }, "A command is planned that tells apart what this diagnosis leaves open, within what your machine may do. Filled in is what the records visited; an empty field: no limit, or as the records are."),
+    h("p", { class: "quiet" }, "A command is planned that tells apart what this diagnosis leaves open, within what your machine may do. Filled in is what the records visited; an empty field: no limit, or as it suits the records."),
     h("div", { class: "fields limits" }, limits.map((l) => field(l.name, l.doc, l.unit, l.value, "none")), RUNS.map(([name, doc, u]) => field(name, doc, u, "", hints[name])), field("spare", "part of each limit kept free", "%", "20", "20")),
     h("div", { class: "row" }, h("span", {}, "Between"), pick(0), h("span", {}, "and"), pick(1)),
     h("div", { class: "row" }, h("button", { id: "do-plan", class: tie && !block.plan ? "primary" : "", disabled: busy, onclick: send }, block.plan ? "Plan again" : "Plan what to record next")));
