@@ -55,6 +55,12 @@ def fault(s: Session, record: Entry) -> str:
     return str(found["error"]) if found else ""
 
 
+def numberless(s: Session, record: Entry) -> bool:
+    """Tell whether a record was read, and none of its columns holds numbers."""
+    found = read(s, record)
+    return bool(found) and not found["columns"] and not found["error"]
+
+
 def asks(s: Session, record: Entry) -> bool:
     """Tell whether it is asked which column of a record is its time, in which unit, and nobody has said it."""
     found = read(s, record)

@@ -6,6 +6,7 @@ What the reader finds by itself stays as it is; a proposal is only made for the 
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -20,17 +21,37 @@ from signlin_ros.records import Record
 
 Array = NDArray[np.float64]
 
-_VOLTAGE = ("voltage", "volt", "volts", "u", "v_in", "vin", "vm", "v_motor", "u_motor", "duty", "pwm", "cmd")
-_CURRENT = ("current", "i", "iq", "i_q", "i_a", "ia", "amps", "amp", "curr", "strom", "motorstrom", "courant")
+_VOLTAGE = (
+    *("voltage", "volt", "volts", "u", "v_in", "vin", "vm", "v_motor", "u_motor", "duty", "pwm", "cmd"),
+    *("spannung", "stellgroesse", "tension", "voltaje", "tensione", "tensao", "napiecie", "spanning"),
+    *("напряжение", "电压", "電圧"),
+)
+_CURRENT = (
+    *("current", "i", "iq", "i_q", "i_a", "ia", "amps", "amp", "curr", "strom", "motorstrom", "courant"),
+    *("corriente", "corrente", "prad", "stroom", "ток", "电流", "電流"),
+)
+_FAST = (
+    *("geschwindigkeit", "vitesse", "velocidad", "velocita", "velocidade", "predkosc", "snelheid"),
+    *("скорость", "速度", "转速", "回転速度"),
+)
 _SPEED = ("speed", "velocity", "vel", "omega", "w", "rpm", "dq", "qd", "qdot", "rate", "gyro", "drehzahl")
-_POSITION = ("position", "pos", "angle", "theta", "q", "phi", "enc", "encoder", "counts", "winkel", "lage")
-_MOVED = ("displacement", "position", "pos", "x", "q", "stroke", "travel", "angle", "disp", "weg", "hub", "winkel")
-_FORCE = ("force", "f", "torque", "tau", "load_cell", "effort", "thrust", "kraft", "moment", "drehmoment")
+_POSITION = (
+    *("position", "pos", "angle", "theta", "q", "phi", "enc", "encoder", "counts", "winkel", "lage"),
+    *("angulo", "angolo", "posicion", "posizione", "posicao", "polozenie", "kat", "hoek", "угол", "角度", "位置"),
+)
+_MOVED = (
+    *("displacement", "position", "pos", "x", "q", "stroke", "travel", "angle", "disp", "weg", "hub", "winkel"),
+    *("deplacement", "desplazamiento", "spostamento", "przemieszczenie", "posicion", "posizione", "位移", "変位"),
+)
+_FORCE = (
+    *("force", "f", "torque", "tau", "load_cell", "effort", "thrust", "kraft", "moment", "drehmoment"),
+    *("couple", "fuerza", "forza", "coppia", "sila", "kracht", "сила", "力", "扭矩"),
+)
 COLUMN_WORDS = {
-    "voltage": (*_VOLTAGE, "spannung", "stellgroesse", "tension"),
+    "voltage": _VOLTAGE,
     "current": _CURRENT,
-    "speed": (*_SPEED, "geschwindigkeit", "winkelgeschwindigkeit", "vitesse"),
-    "velocity": ("velocity", "vel", "speed", "v", "dq", "qd", "qdot", "xdot", "dx", "geschwindigkeit", "vitesse"),
+    "speed": (*_SPEED, "winkelgeschwindigkeit", *_FAST),
+    "velocity": ("velocity", "vel", "speed", "v", "dq", "qd", "qdot", "xdot", "dx", *_FAST),
     "position": _POSITION,
     "displacement": _MOVED,
     "force": _FORCE,
@@ -84,7 +105,7 @@ def mapping(model: Model, records: Sequence[Record], given: Mapping[str, str]) -
     if records and not told:
         _follow(rows, records[0], taken)
     for row in rows:
-        if records and row["kind"] == "input" and row["column"] and not row["set"]:
+        if records and row["kind"] == "input" and row["column"]:
             row.update(_driven(row["column"], records))
     return rows
 
@@ -92,7 +113,7 @@ def mapping(model: Model, records: Sequence[Record], given: Mapping[str, str]) -
 def _driven(label: str, records: Sequence[Record]) -> dict[str, Any]:
     """Return what a column that drives may need: ``direction``, a column of two values called so where it never changes
     its own sign; ``full``, what its full scale may be, the likeliest first, where it is a duty cycle or a PWM without
-    a unit.
+    a unit, or in %.
     """
     signal = next((s for k, s in records[0].signals.items() if (s.label or k) == label), None)
     if signal is None or not np.isfinite(signal.values).any():
@@ -100,9 +121,11 @@ def _driven(label: str, records: Sequence[Record]) -> dict[str, Any]:
     low, high = float(np.nanmin(signal.values)), float(np.nanmax(np.abs(signal.values)))
     tokens = _tokens(label)
     found: dict[str, Any] = {}
-    if any(word in tokens for word in DUTY) and not signal.unit:
+    if any(word in tokens for word in DUTY) and signal.unit in ("", "%"):
         found["full"] = [full for full in FULL if high <= full]
-        if "pwm" in tokens and 1.0 < high <= ARDUINO:
+        if signal.unit == "%":
+            found["full"] = [100.0, *(full for full in found["full"] if full != 100.0)]
+        elif "pwm" in tokens and 1.0 < high <= ARDUINO:
             found["full"] = [ARDUINO, *(full for full in found["full"] if full != ARDUINO)]
     ways = [name for name, _ in _common(records) if any(word in _tokens(name) for word in DIRECTION) and name != label]
     if low >= 0.0 and ways:
@@ -110,8 +133,14 @@ def _driven(label: str, records: Sequence[Record]) -> dict[str, Any]:
     return found
 
 
+def _plain(label: str) -> str:
+    """Return a column's name without unit, in small letters without accents."""
+    letters = unicodedata.normalize("NFKD", re.sub(r"[\[(].*", "", label).strip().lower().replace("ł", "l"))
+    return unicodedata.normalize("NFC", "".join(c for c in letters if not unicodedata.combining(c)))
+
+
 def _tokens(label: str) -> list[str]:
-    return [t for t in re.split(r"[^a-z]+", re.sub(r"[\[(].*", "", label).lower()) if t]
+    return [t for t in re.split(r"[\W\d_]+", _plain(label)) if t]
 
 
 def _row(model: Model, name: str, records: Sequence[Record], given: Mapping[str, str]) -> dict[str, Any]:
@@ -208,7 +237,7 @@ def _common(records: Sequence[Record]) -> list[tuple[str, str]]:
 
 def _likeness(row: Mapping[str, Any], label: str, unit: str) -> tuple[float, str]:
     """Return points and the reason why a column may be a signal."""
-    plain, tokens = re.sub(r"[\[(].*", "", label).strip().lower(), _tokens(label)
+    plain, tokens = _plain(label), _tokens(label)
     words = COLUMN_WORDS.get(row["signal"], (row["signal"],))
     points, why = 0.0, []
     if plain in words:
@@ -219,7 +248,9 @@ def _likeness(row: Mapping[str, Any], label: str, unit: str) -> tuple[float, str
         points, why = points + 1.5, [f"{hit!r} in its name"]
     if row["kind"] != "input" and any(word in tokens for word in WANTED):
         points -= 4.0
-    if unit:
+    if unit == "%" and row["kind"] == "input":  # a part of the supply: its full scale is asked for
+        why += ["a part of its full scale"]
+    elif unit:
         fits = units.conversion(unit, row["unit"]) is not None
         points += 1.5 if fits else -4.0
         why += [f"in {unit}"] if fits else []

@@ -7,6 +7,7 @@ A block is one stage: ``why`` it is not possible (empty where it is), whether it
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from signlin_ros.workbench import columns, commands
@@ -28,6 +29,7 @@ TIMED = "time_unit"
 """The check that asks for the unit of the time."""
 EXCHANGED = "exchanged"
 """The check that finds columns mixed up."""
+EMPTY = "Drop a record: a table of time, what drives the machine, how it moves."
 LOOKED_FOR = (
     "Looked for, by what the model would make of the record: other units and signs, columns mixed up, clocks; and in"
     " each column: jumps, zeros, what is clipped, dead or slow."
@@ -64,14 +66,20 @@ def record(s: Session) -> dict[str, Any]:
     records = s.project.choices["records"]
     read = [found for r in records if (found := columns.read(s, r)) and found["columns"]]
     if not records:
-        return block("record", "", False, "Drop a record: a table of time, what drives the machine, how it moves.")
+        return block("record", "", False, f"{EMPTY}{_beside(s)}")
     samples, seconds = sum(f["samples"] for f in read), sum(f["end"] - f["start"] for f in read)
     count = f"{len(records)} record{'s' if len(records) > 1 else ''}"
     faults = [text for r in records if (text := columns.fault(s, r))]
     timed, asked = not faults, _asked(s)
     text = f"{count}, {samples:,} samples, {seconds:.4g} s. " if timed else f"{count}. "
     wrong, lacking = _unreadable(s, told=False) or ("" if asked else _first(s, columns.wrong)), _first(s, columns.lacks)
-    if not timed and asked:
+    texts = next(
+        (f"{Path(r['file']).name} holds no column of numbers" for r in records if columns.numberless(s, r)), ""
+    )
+    if texts:
+        wrong = f"{texts}; correct the file, or take it out"
+        text = f"{count}. One holds no numbers."
+    elif not timed and asked:
         text += _asks(asked)
     elif not timed:
         text += _none_read(len(records), len(faults))
@@ -97,6 +105,12 @@ def record(s: Session) -> dict[str, Any]:
         "asked": asked,
     }
     return block("record", "", done, text, **more)
+
+
+def _beside(s: Session) -> str:
+    """Return what is to be said of a robot's description that was dropped before the model that names it."""
+    found = [] if s.project.choices["model"] else sorted(s.project.folder.glob("*.urdf"))
+    return f" {found[0].name} is there; drop the model file that names it, too." if found else ""
 
 
 def _none_read(records: int, faults: int) -> str:
@@ -163,7 +177,7 @@ def before(s: Session) -> str:
         return "Drop a record first."
     if s.project.choices["model"] is None:
         return "Choose a model first."
-    if _unreadable(s):
+    if _unreadable(s) or any(columns.numberless(s, r) for r in s.project.choices["records"]):
         return "A record cannot be read: see Record."
     if changed(s):
         return "The files have changed: open the page anew to read them again."

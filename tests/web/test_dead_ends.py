@@ -289,6 +289,44 @@ def test_a_pwm_is_offered_its_sign_and_its_full_scale() -> None:
     assert "full" not in rows["voltage"]
 
 
+@pytest.mark.parametrize("said", [{}, {"voltage": "duty [%]"}])
+def test_a_duty_in_per_cent_is_offered_its_full_scale(said: dict[str, str]) -> None:
+    t = np.arange(500) / 100.0
+    given = Record(t, {"duty": Signal(60 * np.sin(t), "%", label="duty [%]"), "speed": Signal(np.cos(t), "rad/s")})
+    rows = {r["signal"]: r for r in proposing.mapping(Model.load("dc_motor"), [given], said)}
+    assert (rows["voltage"]["column"], rows["voltage"]["full"][0]) == ("duty [%]", 100.0)
+
+
+@pytest.mark.parametrize(
+    ("names", "right"),
+    [
+        (("tensión", "corriente", "velocidad"), ("voltage", "current", "speed")),
+        (("napięcie silnika", "prąd", "prędkość"), ("voltage", "current", "speed")),
+        (("电压", "电流", "转速"), ("voltage", "current", "speed")),
+        (("tensione_motore", "corrente_motore", "velocità"), ("voltage", "current", "speed")),
+    ],
+)
+def test_names_in_other_languages_are_understood(names: tuple[str, ...], right: tuple[str, ...]) -> None:
+    t = np.arange(500) / 100.0
+    waves = (np.sin(t), np.cos(2 * t), np.sin(3 * t))
+    units = ("V", "A", "rad/s")
+    given = Record(t, {n: Signal(y, u, label=n) for n, y, u in zip(names, waves, units, strict=True)})
+    rows = {r["signal"]: r["column"] for r in proposing.mapping(Model.load("dc_motor"), [given], {})}
+    assert [rows[name] for name in right] == list(names)
+
+
+def test_a_table_without_numbers_and_a_urdf_alone_say_what_comes_next(client: Client) -> None:
+    lines = b"t,voltage,speed\n" + b"".join(b"%d,on,fast\n" % k for k in range(50))
+    project, state = taken(client, words=lines)
+    assert record_of(state)["error"]["what"].startswith("words.csv holds no column of numbers")
+    client.act(project, "model", name="dc_motor")
+    assert "A record cannot be read" in client.settled(project)["stages"][1]["why"]
+    project = client.project()
+    client.put(project, "robot.urdf", b"<robot name='r'/>")
+    client.act(project, "take", files=["robot.urdf"])
+    assert "robot.urdf is there; drop the model file" in record_of(client.settled(project))["sentence"]
+
+
 # -------------------------------------------------------------------- a time that nothing is called
 
 
