@@ -27,6 +27,8 @@ MAX_PLANNED_RIVALS = 5
 """Most rivals that are planned for: each pair costs refits."""
 UNLIKELY = 20.0
 """And the same from which on a rival is to lose, but is not thought to be true."""
+OPEN = 1.0
+"""Within which a smaller size is as likely: one standard error."""
 OBSERVER_LEVEL = 2
 """Which of the observers a command is judged through: that of the last but one gain, as fits end with."""
 SETTLES, REST_SPEED_SHARE = 0.3, 0.02
@@ -121,12 +123,20 @@ def gains_of(problem: Problem) -> ObserverGains:
 
 
 def _sized(problem: Problem, c: Contender) -> Contender:
-    """Return a rival of which a size is of interest at its estimate of that size or beyond."""
+    """Return a rival of which a size is of interest at its estimate of that size or beyond; at that size, which is the
+    hardest to tell, where the first records leave it open: its estimate may be anywhere then.
+    """
     if c.size is None:
         return c
     bounds = zip(c.candidate.coordinates, *(side.tolist() for side in c.bounds), strict=True)
     own = replace(c.candidate, coordinates=tuple(replace(k, low=a, high=b) for k, a, b in bounds), starts={})
-    found = fit(problem, own, gains_of(problem), np.clip(c.theta, *c.bounds), REFIT_STEPS)
+    i, start = c.index(c.size.name), np.clip(c.theta, *c.bounds)
+    at = own.coordinates[i].high if c.size.stiff else own.coordinates[i].low
+    held = replace(own.coordinates[i], low=at, high=at)
+    least = replace(own, coordinates=(*own.coordinates[:i], held, *own.coordinates[i + 1 :]))
+    found, small = (fit(problem, k, gains_of(problem), np.clip(start, *k.bounds), REFIT_STEPS) for k in (own, least))
+    if small is not None and (found is None or small.objective < found.objective + OPEN):
+        found = small
     return c if found is None else replace(c, theta=found.theta)
 
 

@@ -194,7 +194,8 @@ def _planned(
     every, reach = list(search.pairs), search.reached()
     if not search.tried:
         why = max(search.refused, key=lambda n: search.refused[n], default="")
-        raise InputError(f"--limit: no command stays within the limit of {why} with {search.spare:g} to spare")
+        what = "no command under which every rival moves stays within the limit of"
+        raise InputError(f"--limit: {what} {why} with {search.spare:g} to spare")
     own = dict(zip(every, reach.tolist(), strict=True))
     least = {pair: min(r, own.get(pair[::-1], r)) for pair, r in own.items()}
     asked = [p for p in every if least[p] >= MIN_LINEAR_RATIO * NEEDED_EVIDENCE]

@@ -256,6 +256,14 @@ def test_a_step_of_the_fit_depends_on_no_unit():
     assert own == pytest.approx(unit * plain)
 
 
+def test_a_direction_that_tells_next_to_nothing_ends_no_fit():
+    """Friction that has faded by e^-700 at every sample: two such units together are beyond all numbers."""
+    hessian, gradient = np.diag([1e5, 1e-315, 0.1]), np.array([1.0, -6e-158, 0.0])
+    new = bounded_step(np.zeros(3), gradient, hessian, 1e-3, np.full(3, -1.0), np.full(3, 1.0))
+    assert new == pytest.approx([-1e-5 / 1.001, 0.0, 0.0])
+    assert np.isfinite(covariance_of(hessian)).all()
+
+
 def motor_with_friction() -> tuple[OutputErrorEstimator, Model]:
     values = {"R_a": 1.2, "L_a": 5e-4, "K_t": 0.042, "K_m": 0.042, "B": 0.0, "J": 6e-5}
     friction = {"effects": {"coulomb_friction": {"mu": 0.011}}}

@@ -27,11 +27,11 @@ from signlin_ros.experiment.distance import RivalBench
 from signlin_ros.experiment.families import COMMAND_FAMILIES, asked_by
 from signlin_ros.experiment.limits import limits_of
 from signlin_ros.experiment.minima import led_by, overlap
-from signlin_ros.experiment.naming import open_names
+from signlin_ros.experiment.naming import open_names, with_named
 from signlin_ros.experiment.parts import PART_KINDS, Part, in_words, rendered, slowed
 from signlin_ros.experiment.plan import ExperimentPlan
 from signlin_ros.experiment.search import changed
-from signlin_ros.experiment.setting import KnownLimits, chosen
+from signlin_ros.experiment.setting import KnownLimits, bench_of, chosen
 from signlin_ros.experiment.verbs import experiment
 from signlin_ros.fitting.problem import prepare
 from signlin_ros.follow.data import load_sides
@@ -120,6 +120,16 @@ def one_way(tmp_path_factory):
 
 
 BETWEEN = ("--between", "coulomb_friction,constant_load")
+
+
+@pytest.mark.slow
+def test_a_size_that_the_first_record_leaves_open_is_the_least_of_interest(one_way):
+    """Where it never turned slowly, a breakaway friction of 6 N·m would have shown nothing, and no command moved it."""
+    model, data, _ = load_sides(Model.load(one_way / "model.yaml"), [one_way / "first.csv"], ())
+    (c,) = bench_of(model, data, with_named([], model, data, ["stribeck_friction"])).contenders
+    values = c.candidate.named(c.theta)
+    assert values["stribeck_friction.excess"] == pytest.approx(c.size.least)
+    assert c.size.least < 0.01
 
 
 @pytest.fixture(scope="module")
