@@ -21,7 +21,7 @@ Index = NDArray[np.intp]
 
 REGULAR = 0.9
 """Share of the runs of equal values, rests aside, that are of two neighbouring lengths."""
-LONGER = 1.4
+LONGER_HOLD_RATIO = 1.4
 """Least mean length of those."""
 MIN_REST_RUN = 1.5
 """Runs beyond so many times that length are rests: what does not change is measured again with the same result."""
@@ -42,7 +42,7 @@ MIN_RHYTHM_SHARE = 0.9
 """Share of the squared differences that two samples in each hold have."""
 STAYS = 1.0 / 3.0
 """A held value moves by less than this part of what it changes by from hold to hold (RMS)."""
-FINER = 8
+FINER_STEPS = 8
 """The rhythm is sought in so many times finer steps than a record resolves."""
 RHYTHM_SAMPLES = 20_000
 """So many samples tell a rhythm."""
@@ -109,7 +109,7 @@ def _equal(values: Array) -> Held | None:
     alike = lengths[(lengths == short) | (lengths == short + 1)]
     length = float(alike.mean()) if alike.size else 0.0
     moving = lengths[lengths <= MIN_REST_RUN * length]
-    if length < LONGER or alike.size < REGULAR * moving.size or _chance(lengths, alike.size, short) > CHANCE:
+    if length < LONGER_HOLD_RATIO or alike.size < REGULAR * moving.size or _chance(lengths, alike.size, short) > CHANCE:
         return None
     return Held(_with_rests(np.concatenate([[0], begins]), length), length)
 
@@ -160,9 +160,9 @@ def _rhythmic(values: Array) -> Held | None:
 def _rhythm(energy: Array) -> tuple[float, float]:
     """Return the period, in samples, at which squared differences (T,) gather most, and where the first of them is."""
     samples = np.arange(energy.size)
-    size = FINER * energy.size
+    size = FINER_STEPS * energy.size
     spectrum = np.abs(np.fft.rfft(energy, size))
-    lowest, highest = int(np.ceil(FINER * MIN_HOLDS)), size // MIN_HOLD_SAMPLES
+    lowest, highest = int(np.ceil(FINER_STEPS * MIN_HOLDS)), size // MIN_HOLD_SAMPLES
     best = lowest + int(np.argmax(spectrum[lowest : highest + 1]))
     length = size / best
     turn = np.angle(np.sum(energy * np.exp(2j * np.pi * samples / length)))

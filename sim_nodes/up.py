@@ -33,7 +33,7 @@ OF_ONE_JOINT = ("monitor", "controller")
 FIRST_TO_END = "controller"
 """What ends before the others: its last input is a 0, and somebody has to be there to take it."""
 NO_LIMIT = "no controller: give -p controller.limit=..., the largest |input| that the drive may be given"
-LOOK = 0.05
+POLL_PERIOD = 0.05
 """Seconds between two looks at whether all still run."""
 PATIENCE = 15.0
 """Seconds that a node has for its end; then it is killed."""
@@ -105,7 +105,7 @@ def _parameter(text: str, node: str) -> Iterator[str]:
         yield from ("-p", f"{key}:={value}")
 
 
-class Together:
+class ProcessGroup:
     """Processes that run together: one that ends by itself is the end of all.
 
     The controllers end first, so that their last input, a 0, is taken; then the others.
@@ -126,7 +126,7 @@ class Together:
     def run(self) -> int:
         """Wait until a signal, or the end of one; end all, and return the exit code: that of the one that ended."""
         while not self.asked and all(process.poll() is None for process in self.running.values()):
-            time.sleep(LOOK)
+            time.sleep(POLL_PERIOD)
         ended = {name: p.returncode for name, p in self.running.items() if p.poll() is not None}
         for name, code in ended.items():
             if code and not self.asked:
@@ -142,7 +142,7 @@ class Together:
                 self.running[name].send_signal(signal.SIGINT)
         until = time.monotonic() + PATIENCE
         while time.monotonic() < until and any(self.running[name].poll() is None for name in names):
-            time.sleep(LOOK)
+            time.sleep(POLL_PERIOD)
         for name in names:
             if self.running[name].poll() is None:
                 sys.stderr.write(f"signlin: {name} does not end: killed\n")
@@ -155,7 +155,7 @@ def up(plan: StartPlan) -> int:
     commands = plan.commands()
     if not plan.is_limited and "controller" not in plan.without:
         sys.stderr.write(f"signlin: {NO_LIMIT}\n")
-    return Together(commands).run()
+    return ProcessGroup(commands).run()
 
 
-__all__ = ["NODES", "StartPlan", "Together", "up"]
+__all__ = ["NODES", "ProcessGroup", "StartPlan", "up"]

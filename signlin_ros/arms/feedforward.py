@@ -29,12 +29,12 @@ from signlin_ros.robots import inverse_dynamics, mass_matrix
 Array = NDArray[np.float64]
 SHARES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
 """Shares of a joint's largest speed at which its friction is listed."""
-LEAST = 1e-9
+REST_SPEED_SHARE = 1e-9
 """Share of the largest speed that stands for just above standstill."""
 
 
 @dataclass
-class _Motor:
+class _MotorAtSpeeds:
     """What an effect sees of a joint's motor at T speeds: at rest in its position, under one load."""
 
     position: Array
@@ -50,7 +50,7 @@ def friction(model: ArmModel, i: int, velocity: Array, load: float, position: fl
     """
     found = np.zeros(velocity.shape)
     filled = np.full(velocity.shape, load)
-    motor = _Motor(np.full(velocity.shape, position), velocity, -filled, filled)
+    motor = _MotorAtSpeeds(np.full(velocity.shape, position), velocity, -filled, filled)
     for use in _own(model, i):
         if not _skipped(use):
             pars = find_effect(use.type, "effects").pars()
@@ -111,7 +111,7 @@ def _joint(
     named = model.operating_range.get(f"{joint.name}.velocity") or dict(joint.limits).get("velocity", 0.0)
     most = speed or named or MAX_UNNAMED_SPEED
     speeds = most * np.array([*SHARES])
-    both = np.concatenate([[LEAST * most, -LEAST * most], speeds, -speeds])
+    both = np.concatenate([[REST_SPEED_SHARE * most, -REST_SPEED_SHARE * most], speeds, -speeds])
     taken = friction(model, i, both, load, position) / gain
     unloaded = friction(model, i, both[:2], 0.0, position) / gain
     k = len(SHARES)

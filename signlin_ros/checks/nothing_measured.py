@@ -26,7 +26,7 @@ MAX_EMPTY_SIZE = 1e-15
 """Largest size in SI units of what no sensor and no drive says: memory that was never written, rounded zeros."""
 RISES = 1.2
 """By how much a peak of the speed exceeds the one before it where something drives, beyond the noise,"""
-OFTEN = 3
+OFTEN_SAMPLES = 3
 """and how often in a record: a motion that is let go only loses speed from peak to peak."""
 
 
@@ -119,7 +119,7 @@ def _driven(look: Look) -> bool:
     noise = look.noise(look.velocity).sigma if look.velocity in look.channels else 0.0
     peaks = np.array([float(np.abs(part).max()) for part in np.split(v, edges) if part.size and part.any()])
     rises = peaks[1:] > RISES * peaks[:-1] + 4.0 * noise
-    return int(rises.sum()) >= OFTEN
+    return int(rises.sum()) >= OFTEN_SAMPLES
 
 
 __all__ = ["NothingMeasured"]

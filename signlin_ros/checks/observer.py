@@ -28,7 +28,7 @@ MAX_FOLLOWED_SAMPLES, MIN_FOLLOWED_SAMPLES = 20_000, 60
 """So many samples are followed at most, and at least."""
 FORGETTING_SHARE = 0.05
 """Share of the samples in which the observer forgets where it began."""
-ONE = "1"
+CONSTANT_SOURCE = "1"
 """The name of what the equations hold whatever the record says."""
 REWEIGHTING_ROUNDS = 2
 """The sum of logarithms is made least by least squares with the weights of the last round: none makes it larger."""
@@ -108,7 +108,9 @@ class Followed:
         return np.asarray(-_times(self.design.C, run(self.design.A - self.K @ self.design.C, [force])[0]).T)
 
     def parts(self) -> Array:
-        """Return the innovations (k, T, ny) that every source causes: inputs, channels, `ONE`, and ``more``."""
+        """Return the innovations (k, T, ny) that every source causes: inputs, channels, `CONSTANT_SOURCE`, and
+        ``more``.
+        """
         d, K = self.design, self.K
         ways = [(d.B[:, j], d.D[:, j], column) for j, column in enumerate(self.u.T)]
         shown = np.eye(len(self.channels))
@@ -148,11 +150,11 @@ def follow(
 class LinearPrediction:
     """What a record leaves of an observer of a linear base.
 
-    ``sources``: the inputs, the channels, `ONE`, further inputs, and where the states were at the first sample, as far
-    as the observer has not forgotten it (a short record is all start); ``grams`` (ny, k, k): mean products of what each
-    adds to the innovations of each channel; ``spread`` (ny,): standard deviations of the channels; ``samples`` that
-    tell it; ``free``: starts, and further inputs, that count with the size that suits best, which is not negative where
-    a channel is named with it: turned with the sign of that.
+    ``sources``: the inputs, the channels, `CONSTANT_SOURCE`, further inputs, and where the states were at the first
+    sample, as far as the observer has not forgotten it (a short record is all start); ``grams`` (ny, k, k): mean
+    products of what each adds to the innovations of each channel; ``spread`` (ny,): standard deviations of the
+    channels; ``samples`` that tell it; ``free``: starts, and further inputs, that count with the size that suits best,
+    which is not negative where a channel is named with it: turned with the sign of that.
     """
 
     channels: tuple[str, ...]
@@ -278,7 +280,7 @@ def summed(f: Followed, free: Mapping[str, str] | None = None) -> LinearPredicti
     left = np.stack([*f.parts(), *(one for one, lasts in zip(answers, lasting, strict=True) if lasts)])[:, first:]
     left = left - left.mean(axis=1, keepdims=True)
     grams = np.einsum("atj,btj->jab", left, left) / left.shape[1]
-    sources = (*f.base.inputs, *f.channels, ONE, *f.more, *begun)
+    sources = (*f.base.inputs, *f.channels, CONSTANT_SOURCE, *f.more, *begun)
     free = {**(free or {}), **dict.fromkeys(begun, "")}
     return LinearPrediction(f.channels, sources, grams, f.y.std(axis=0), left.shape[1], free)
 
@@ -382,8 +384,8 @@ def _times(small: NDArray[Any], wide: NDArray[Any]) -> NDArray[Any]:
 
 
 __all__ = [
+    "CONSTANT_SOURCE",
     "FORGETTING_SHARE",
-    "ONE",
     "Discrete",
     "Followed",
     "LinearPrediction",

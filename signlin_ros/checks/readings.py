@@ -10,7 +10,7 @@ import numpy as np
 
 from signlin_ros.checks.factors import LOGGED_TOGETHER, other_units, word
 from signlin_ros.checks.look import Look
-from signlin_ros.checks.observer import ONE, LinearPrediction, Together
+from signlin_ros.checks.observer import CONSTANT_SOURCE, LinearPrediction, Together
 
 MAX_FACTOR_RATIO = 1.35
 """A unit is meant where the factor that suits best is no more than this away from it."""
@@ -104,7 +104,7 @@ def gear(look: Look, name: str, factor: float) -> Reading:
 
 def _recorded(name: str, p: LinearPrediction | Together) -> bool:
     """Tell whether a source is an input or a channel of the record."""
-    return name != ONE and name not in p.free
+    return name != CONSTANT_SOURCE and name not in p.free
 
 
 def _best(p: LinearPrediction | Together, name: str) -> float:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from signlin_ros.model import Model
     from signlin_ros.records import ModelData
 
-KINDS = (".csv",)
+FILE_KINDS = (".csv",)
 RIVALS = ".rivals.json"
 """How the file of the rivals ends, beside that of the command."""
 
@@ -95,7 +95,7 @@ def experiment(
     given = Model.from_yaml(told["given_model"], source) if told else Model.load(source)
     refuse(given, "experiment")
     refuse(given, "experiment")
-    check_files(given, files, (), output, KINDS, report)
+    check_files(given, files, (), output, FILE_KINDS, report)
     loaded, first, _ = load_sides(given, files, (), mapping)
     first, _, _ = check_sides(loaded, first, None, cures)
     rivals = _rivals(told, loaded, first, names, jobs)

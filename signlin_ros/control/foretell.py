@@ -16,7 +16,7 @@ from signlin_ros.model import Model
 from signlin_ros.simulation import Stepper
 
 Array = NDArray[np.float64]
-MOST_TIME = 0.25
+MAX_TIME_SHARE = 0.25
 """Share of a period that simulating it may take of the processor; where it takes longer, nothing is foretold."""
 RTOL = 1e-4
 """Relative tolerance of the simulation: it foretells sizes."""
@@ -33,7 +33,7 @@ class ForetoldLoop:
         self.reset(np.zeros(2))
         begun = time.thread_time()
         self.step(np.zeros(3), 0.0)
-        self.possible = time.thread_time() - begun < MOST_TIME * task.period
+        self.possible = time.thread_time() - begun < MAX_TIME_SHARE * task.period
         self.reset(np.zeros(2))
 
     def reset(self, measured: Array) -> None:

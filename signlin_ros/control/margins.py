@@ -29,7 +29,7 @@ DELAYS = 9
 """Delays, evenly from the shortest to the longest, at which a loop is judged."""
 FREQUENCIES = 150
 """Frequencies up to half of the sampling rate at which the sensitivity is looked at."""
-LOWEST = 1e-3
+LOWEST_FREQUENCY = 1e-3
 """The lowest of them, in rad per sample."""
 ANYWHERE = 1e-6
 """Distance from 1 within which a pole is no motion, but where something stands: what hysteresis remembers, or a spring
@@ -105,7 +105,7 @@ def sampled_drives(drives: Sequence[LinearDrive], period: float, delays: tuple[f
 
 def frequencies() -> NDArray[np.complex128]:
     """Return points z (W,) of the unit circle, up to half of the sampling rate."""
-    return np.asarray(np.exp(1j * np.geomspace(LOWEST, math.pi, FREQUENCIES)))
+    return np.asarray(np.exp(1j * np.geomspace(LOWEST_FREQUENCY, math.pi, FREQUENCIES)))
 
 
 def _sampled(drive: LinearDrive, period: float, delay: float) -> SampledDrive:

@@ -19,7 +19,7 @@ from signlin_ros.control.designs import Task
 Array = NDArray[np.float64]
 WINDOW_PERIODS = 25
 """Periods that are looked at together at least."""
-TIME_CONSTANTS = 10.0
+SUPERVISED_TIME_CONSTANTS = 10.0
 """Time constants of the loop that are looked at together at least."""
 SAMPLES_BEYOND = 2
 """States one after the other that must be too fast: a single one may be a wild sample."""
@@ -93,7 +93,7 @@ class Supervisor:
     ) -> None:
         self.task, self.share, self.bandwidth = task, share, bandwidth
         self.still = floor * task.speed
-        self.window = max(WINDOW_PERIODS, math.ceil(TIME_CONSTANTS / bandwidth / task.period))
+        self.window = max(WINDOW_PERIODS, math.ceil(SUPERVISED_TIME_CONSTANTS / bandwidth / task.period))
         self.noise = noise or SpeedNoise()
         self._stride = max(1, self.window // WINDOW_PERIODS)
         self.reset()
@@ -156,7 +156,7 @@ class Supervisor:
             return ""
         wrong, own = self.errors
         beyond = wrong - WORSE * _known(own) - NOISE_TIMES * self._noise
-        self._astray = self._astray + self._stride if beyond > self.share * self._lag(TIME_CONSTANTS) else 0
+        self._astray = self._astray + self._stride if beyond > self.share * self._lag(SUPERVISED_TIME_CONSTANTS) else 0
         sides, foretold = {m.side for m in self._moments}, [self._side(m) for m in self._moments]
         stuck = len(sides) == 1 and 0 not in sides and self._share(foretold) <= MOSTLY and self._far
         if self._astray < self.window and not stuck:

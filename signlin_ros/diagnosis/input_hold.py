@@ -39,7 +39,7 @@ LEADING = 3
 """Single laws that are fitted beside the base and the set that the force names."""
 AT_NOISE_RATIO = 1.1
 """Times the noise of every channel up to which nothing is to be gained."""
-BETTER = 0.9
+BETTER_HOLD_RATIO = 0.9
 """What another hold leaves in some channel, as a part of what held inputs leave (RMS), at most."""
 
 
@@ -172,7 +172,7 @@ def _better(before: HoldTrial, after: HoldTrial, criteria: Criteria) -> bool:
     """Tell whether the best of a hold is surely, and visibly, better than the best of another."""
     found = improvement(before.known[before.best], after.known[after.best], before.motion.training.noise)
     sure = found.t_ratio >= criteria.min_t and not found.worsens(criteria.max_rise_t, criteria.visible_change)
-    return sure and bool(np.any(found.rmse_ratios <= BETTER))
+    return sure and bool(np.any(found.rmse_ratios <= BETTER_HOLD_RATIO))
 
 
 def _errors(one: HoldTrial, names: Names) -> Array:
@@ -184,7 +184,9 @@ def _errors(one: HoldTrial, names: Names) -> Array:
 
 def _said(c: Dataset, held: HoldTrial, taken: HoldTrial) -> str:
     """Return a sentence on the hold that was taken, with the error that falls for it: the base's, if that shows it."""
-    shows = np.all(_errors(taken, ()) <= _errors(held, ())) and np.any(_errors(taken, ()) <= BETTER * _errors(held, ()))
+    shows = np.all(_errors(taken, ()) <= _errors(held, ())) and np.any(
+        _errors(taken, ()) <= BETTER_HOLD_RATIO * _errors(held, ())
+    )
     names = () if shows else taken.best
     a, b = _errors(held, names), _errors(taken, names)
     k = int(np.argmin(b / a))

@@ -24,16 +24,16 @@ from signlin_ros.robots.inertia import inertia_matrix, moved
 from signlin_ros.robots.urdf import Joint
 from signlin_ros.robots.write import with_dynamics, with_inertias
 
-LASTS, HELD = 2.0, 0.005
+LASTS, HOLD_STEP = 2.0, 0.005
 """Seconds of the motion that an exported arm is run on, and from one value of its efforts to the next."""
-TRAVEL = {False: 0.25, True: 0.02}
+RUN_TRAVEL = {False: 0.25, True: 0.02}
 """How far a joint goes to either side of the middle of that motion: rad, m of a prismatic joint."""
-SLOWEST, FASTER = 0.5, 0.1
+SLOWEST_TONE, FASTER = 0.5, 0.1
 """Hz of the first joint, and how much faster each next one is."""
 DRIVEN = f"the efforts of a smooth motion of {LASTS:g} s from the initial state, by inverse dynamics"
 STEP = 1e-3
 """Step of MuJoCo in s."""
-REASONS = {
+REFUSED_TARGETS = {
     "c": "writes drives of one mass",
     "fmu": "writes drives of one mass",
     "do-mpc": "writes drives of one mass; casadi holds an arm",
@@ -47,8 +47,8 @@ REASONS = {
 
 def arm_target(name: str, own: Target) -> Target:
     """Return the target of arms by its name; raise `InputError` for one that holds none."""
-    if name in REASONS:
-        raise InputError(f"--to {name}: does not take an arm ({REASONS[name]}); arms: {', '.join(_TAKEN)}")
+    if name in REFUSED_TARGETS:
+        raise InputError(f"--to {name}: does not take an arm ({REFUSED_TARGETS[name]}); arms: {', '.join(_TAKEN)}")
     return {"urdf": ArmUrdf(), "mjcf": ArmMjcf()}.get(name, own)
 
 
@@ -57,11 +57,11 @@ _TAKEN = ("casadi", "mjcf", "python-control", "urdf")
 
 def motion_drive(model: ArmModel) -> ExportedDrive:
     """Return efforts that move all joints smoothly from the initial state, friction included."""
-    t, n = np.arange(0.0, LASTS, HELD), model.robot.n
+    t, n = np.arange(0.0, LASTS, HOLD_STEP), model.robot.n
     _check_inertia(model)
     x0, linear = np.array(model.x0), Linearizer(model)
     size = np.array([_travel(joint, float(x0[i])) for i, joint in enumerate(model.robot.joints)])
-    w = 2.0 * np.pi * (SLOWEST + FASTER * np.arange(n))
+    w = 2.0 * np.pi * (SLOWEST_TONE + FASTER * np.arange(n))
     angle = w * t[:, None]
     q, v, a = size * (1.0 - np.cos(angle)), size * w * np.sin(angle), size * w**2 * np.cos(angle)
     x = np.tile(x0, (t.size, 1))
@@ -80,13 +80,13 @@ def _check_inertia(model: ArmModel) -> None:
     motors = np.array([model.parameters[f"{name}.{MOTOR_INERTIA}"] for name in model.robot.names])
     M = mass_matrix(model.robot, np.array(model.x0)[None, :n])[0] + plant.motors.T @ np.diag(motors) @ plant.motors
     values, vectors = np.linalg.eigh(M)
-    if values[0] <= LEAST_INERTIA * values[-1]:
+    if values[0] <= MIN_EXPORTED_INERTIA * values[-1]:
         name = model.robot.names[int(np.argmax(np.abs(vectors[:, 0])))]
         said = f"{name} carries no inertia; give it a motor_inertia, or refine the model first"
         raise ModelError(f"{model.source}: {said}")
 
 
-LEAST_INERTIA = 1e-9
+MIN_EXPORTED_INERTIA = 1e-9
 """Part of the largest eigenvalue of a mass matrix below which the smallest one is nothing."""
 
 
@@ -96,7 +96,7 @@ def _travel(joint: Joint, at: float) -> float:
     low, high = limits.get("lower", -np.inf), limits.get("upper", np.inf)
     side = 1.0 if high - at >= at - low else -1.0
     room = max(high - at, at - low) if high > low else np.inf
-    return side * min(TRAVEL[joint.prismatic], 0.4 * room)
+    return side * min(RUN_TRAVEL[joint.prismatic], 0.4 * room)
 
 
 @dataclass
@@ -251,7 +251,7 @@ def _body(parent: ET.Element, joint: Joint, own: tuple[JointParts, int] | None) 
     centre = joint.pi[1:4] / m if m > 0.0 else np.zeros(3)
     I = inertia_matrix(moved(joint.pi, np.eye(3), -centre))  # noqa: E741 - the field's letter
     full = _text([I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2]])
-    ET.SubElement(body, "inertial", pos=_text(centre), mass=repr(max(m, LIGHTEST)), fullinertia=full)
+    ET.SubElement(body, "inertial", pos=_text(centre), mass=repr(max(m, MIN_EXPORTED_MASS)), fullinertia=full)
     limits = dict(joint.limits)
     more = {}
     if limits.get("upper", 0.0) > limits.get("lower", 0.0):
@@ -265,7 +265,7 @@ def _body(parent: ET.Element, joint: Joint, own: tuple[JointParts, int] | None) 
     return body
 
 
-LIGHTEST = 1e-6
+MIN_EXPORTED_MASS = 1e-6
 """kg of a body that has no mass: MuJoCo takes no moving body without."""
 
 
@@ -319,4 +319,4 @@ def stepped(text: str, model: ArmModel, drive: ExportedDrive) -> dict[str, Array
     return {name: found[:, i] for i, name in enumerate(model.states[: 2 * n])}
 
 
-__all__ = ["DRIVEN", "REASONS", "ArmMjcf", "ArmUrdf", "arm_target", "motion_drive", "parts_of"]
+__all__ = ["DRIVEN", "REFUSED_TARGETS", "ArmMjcf", "ArmUrdf", "arm_target", "motion_drive", "parts_of"]

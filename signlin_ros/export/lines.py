@@ -75,7 +75,7 @@ def _template(text: str) -> str:
 
 
 _POWERS = dict.fromkeys((ca.OP_POW, ca.OP_CONSTPOW), "({a} ** {b})")
-NUMPY = Dialect(
+NUMPY_DIALECT = Dialect(
     "np.",
     "{name} = {value}",
     {
@@ -158,4 +158,4 @@ def _operands(tape: Tape) -> list[int]:
     return found
 
 
-__all__ = ["CASADI", "NUMPY", "SYMPY", "C", "Dialect", "number", "written"]
+__all__ = ["CASADI", "NUMPY_DIALECT", "SYMPY", "C", "Dialect", "number", "written"]

@@ -8,7 +8,7 @@ import numpy as np
 
 from signlin_ros.export.base import Array, Exported, ExportedDrive, NotRunError, Target, refuse_imposed, refuse_sensors
 from signlin_ros.export.functions import linear_rows, smooth_rates, texts
-from signlin_ros.export.lines import NUMPY
+from signlin_ros.export.lines import NUMPY_DIALECT
 from signlin_ros.export.python_text import docstring, function_text, loaded, names_of, numbers
 from signlin_ros.model import Model
 
@@ -48,7 +48,7 @@ class PythonControl(Target):
             "Return x' = f_j(x, u) (n,).",
             smooth_rates(model),
             names,
-            NUMPY,
+            NUMPY_DIALECT,
             "return np.array([{values}], dtype=float)",
             begin,
         )
@@ -58,7 +58,7 @@ class PythonControl(Target):
             f"Return A (n, n), B (n, m) and c (n,) of x' = A x + B u + c at (x, u): {model.linearization}.",
             linear_rows(model, ("A", "B", "c")),
             names,
-            NUMPY,
+            NUMPY_DIALECT,
             "flat = np.array([{values}], dtype=float)\n"
             f"return flat[:{a}].reshape({n}, {n}), flat[{a}:{b}].reshape({n}, {m}), flat[{b}:]",
             begin,

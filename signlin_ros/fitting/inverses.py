@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-LEAST_DAMPING = 1e-12
+MIN_LM_DAMPING = 1e-12
 """Damping, relative to the diagonal, of an undamped step: about where rounding swallows what is known of a
 direction."""
 NOTHING = 1e-150
@@ -51,9 +51,9 @@ def bounded_step(x: Array, gradient: Array, hessian: Array, damping: float, low:
         free = np.flatnonzero(~active)
         matrix = hessian[np.ix_(free, free)]
         unit = units_of(matrix)
-        matrix = matrix * np.outer(unit, unit) + (damping + LEAST_DAMPING) * np.eye(free.size)
+        matrix = matrix * np.outer(unit, unit) + (damping + MIN_LM_DAMPING) * np.eye(free.size)
         right = gradient[free] + hessian[np.ix_(free, active)] @ (new - x)[active]
-        new[free] = x[free] - unit * np.linalg.lstsq(matrix, unit * right, rcond=LEAST_DAMPING / 10.0)[0]
+        new[free] = x[free] - unit * np.linalg.lstsq(matrix, unit * right, rcond=MIN_LM_DAMPING / 10.0)[0]
         outside = (new < low) | (new > high)
         new = np.clip(new, low, high)
         if not outside.any():

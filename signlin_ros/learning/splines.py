@@ -24,7 +24,7 @@ SPLINE_BINS = (300, 24)
 """Bins of a curve, and of a surface in each direction."""
 PLACES = (24, 8)
 """Places in each direction that a new knot is tried at."""
-LEAST_SHARE = 0.005
+MIN_BIN_SHARE = 0.005
 """Least share of the samples' weight between two knots."""
 BEND_WEIGHT = 1e-6
 """Weight of the squared bends of a curve, in shares of the samples' weight: it decides where there are no samples."""
@@ -247,7 +247,7 @@ class _Basis:
         """Return the places with enough samples between them and what is chosen."""
         apart = np.abs(self.share[:, None] - self.share[list(chosen)]).min(axis=1)
         apart[:2] = 0.0
-        return np.flatnonzero(apart >= LEAST_SHARE)
+        return np.flatnonzero(apart >= MIN_BIN_SHARE)
 
 
 def grown(bins: Bins, plan: KnotPlan) -> list[Knots]:

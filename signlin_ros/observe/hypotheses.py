@@ -19,7 +19,7 @@ from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
 
-SHARES = (0.3, 0.6)
+LEVEL_SHARES = (0.3, 0.6)
 """Of the inertia behind a play that has opened."""
 CONTACT_FREQUENCY, CONTACT_DAMPING = 150.0, 0.1
 """Natural frequency of that play in contact in rad/s, and its damping as a share of sqrt(k J)."""
@@ -206,7 +206,7 @@ def _plays(model: Model, since: ObservedWindow) -> Iterator[Hypothesis]:
     if inertia is None or model.plant.position not in model.states or "backlash" in model.effects:
         return
     whole = model.parameters[inertia]
-    for share in SHARES:
+    for share in LEVEL_SHARES:
         loose, k = share * whole, share * whole * CONTACT_FREQUENCY**2
 
         def made(gap: float, loose: float = loose, k: float = k) -> Changed:

@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 WILDEST = 400.0
 """A squared innovation counts so much at most."""
-SETTLING = 0.5
+NAMING_SETTLING = 0.5
 """Seconds after the change that are not judged: the filter finds its state anew."""
 TRIES = 14
 """Values of its number that a hypothesis of one number is tried at."""
@@ -169,10 +169,10 @@ class _Scores:
         return observer.record(t, shown, u)[1]
 
     def _since(self, changed: Changed) -> _Score:
-        return self._scored(self.since, changed, self.since.t[0] + SETTLING)
+        return self._scored(self.since, changed, self.since.t[0] + NAMING_SETTLING)
 
     def _before(self, changed: Changed) -> _Score:
-        return self._scored(self.before, changed, self.before.t[0] + SETTLING)
+        return self._scored(self.before, changed, self.before.t[0] + NAMING_SETTLING)
 
     @cached_property
     def now(self) -> _Score:
@@ -252,7 +252,7 @@ class _Scores:
     def _moment(self) -> ObservedWindow:
         """The last `SHIFT_LEAD` s before the change, and what comes of the others' data before they are judged."""
         at = self.since.t[0]
-        parts = (self.before, self.before.t >= at - SHIFT_LEAD), (self.since, self.since.t < at + SETTLING)
+        parts = (self.before, self.before.t >= at - SHIFT_LEAD), (self.since, self.since.t < at + NAMING_SETTLING)
         shown = {n: np.concatenate([data.measured[n][near] for data, near in parts]) for n in self.since.measured}
         t, u = (np.concatenate([getattr(data, name)[near] for data, near in parts]) for name in ("t", "u"))
         return ObservedWindow(t, shown, u)

@@ -27,7 +27,7 @@ START_TIME = 1.0
 """Seconds at the start that tell nothing of the model."""
 MAX_GUARD_INNOVATION = 400.0
 """A squared innovation counts so much at most."""
-GAP, PACE_SAMPLES, LEAST_PACE = 5.0, 100, 20
+GAP_PACES, PACE_SAMPLES, LEAST_PACE = 5.0, 100, 20
 """An interval of so many usual ones is a gap; usual is the median of so many of the last ones, and so many at least."""
 SETTLING, SETTLING_GAPS = START_TIME, 6.0
 """The state is found anew after a gap: nothing is judged for so many times its length, and for so many seconds at most.
@@ -63,10 +63,10 @@ class Pace:
 
     def missed(self, t: float) -> bool:
         """Tell whether it should have come again before time t. What comes at any time, as on a change, is not."""
-        if len(self._intervals) < LEAST_PACE or t - self._last <= GAP * min(self._intervals):
+        if len(self._intervals) < LEAST_PACE or t - self._last <= GAP_PACES * min(self._intervals):
             return False
         usual, long = np.percentile(self._intervals, [50, 90])
-        return bool(long < GAP * usual < t - self._last)
+        return bool(long < GAP_PACES * usual < t - self._last)
 
 
 class Watch:

@@ -13,7 +13,7 @@ MAX_LOOKED_AT_COLUMNS = 200
 """The time is one of the first columns."""
 MIN_ROWS = 20
 """Rows from which on steps tell a clock."""
-MAX_STEP_RATIO = 20.0
+MAX_CLOCK_STEP_RATIO = 20.0
 """The longest step of a clock over the usual one: beyond it a column is no clock, or one with a gap."""
 GUESSED_UNITS = ((2e4, "ns"), (200.0, "us"), (0.5, "ms"))
 """The unit of a clock that states none, by its usual step."""
@@ -38,7 +38,7 @@ def _runs(values: Array) -> bool:
     if steps.size < MIN_ROWS or not np.isfinite(steps).all():
         return False
     usual = float(np.median(steps))
-    return usual > 0.0 and bool(steps.min() >= 0.0) and float(steps.max()) <= MAX_STEP_RATIO * usual
+    return usual > 0.0 and bool(steps.min() >= 0.0) and float(steps.max()) <= MAX_CLOCK_STEP_RATIO * usual
 
 
 def _counts(values: Array) -> bool:

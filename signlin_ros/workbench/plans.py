@@ -22,14 +22,14 @@ from signlin_ros.workbench.wording import on_page
 if TYPE_CHECKING:
     from signlin_ros.workbench.session import Session
 
-FILES = re.compile(r"next_\d+\.(csv|rivals\.json|trajectory\.yaml)")
+PLAN_FILES = re.compile(r"next_\d+\.(csv|rivals\.json|trajectory\.yaml)")
 """The names of a plan's files in the folder of the project."""
 OPEN = ("ambiguous", "not_excited")
 """What a diagnosis says of an effect that another record would decide."""
-EVERY = "all that are open"
+ALL_OPEN = "all that are open"
 MIN_NUMBER = 1e-12
 """What is smaller counts as nothing."""
-SPARE = 0.2
+LIMIT_SPARE = 0.2
 """Part of each limit that is spared where nobody says how much."""
 
 
@@ -42,7 +42,7 @@ def asked(s: Session, form: Mapping[str, Any]) -> dict[str, Any]:
         raise InputError("choose two rivals, or none")
     spare = _number("spared part", form.get("spare"), 0.0, 100.0)
     own = {name: _number(name, form.get(name)) for name in ("duration", "dt")}
-    own["spare"] = SPARE if spare is None else spare / 100.0
+    own["spare"] = LIMIT_SPARE if spare is None else spare / 100.0
     return {**question(s, "diagnose"), "limits": limits, "between": between, **own}
 
 
@@ -76,7 +76,7 @@ def shown(s: Session, diagnosis: Any) -> dict[str, Any]:
     tie = content["verdict"] == "unexplained" or any(e["status"] in OPEN for e in content["ranking"])
     names = ["+".join(r["effects"]) or "nothing" for r in content["rivals"]]
     names += [e["effect"] for e in content["ranking"] if e["status"] != "not_applicable" and e["effect"] not in names]
-    form = {"limits": limits, "rivals": list(dict.fromkeys(names)), "tie": tie, "step": _step(s), "every": EVERY}
+    form = {"limits": limits, "rivals": list(dict.fromkeys(names)), "tie": tie, "step": _step(s), "every": ALL_OPEN}
     return {"form": form, "plan": _plan(s)}
 
 
@@ -119,4 +119,4 @@ def one_to_judge(choices: Mapping[str, Any], records: list[dict[str, Any]]) -> N
         new[-1]["role"] = "validation"
 
 
-__all__ = ["FILES", "asked", "command", "judges", "one_to_judge", "shown"]
+__all__ = ["PLAN_FILES", "asked", "command", "judges", "one_to_judge", "shown"]

@@ -15,7 +15,7 @@ from signlin_ros.errors import InputError
 
 MAX_FILE_BYTES = 512 << 20
 """Bytes of a file that is dropped; a table of 1,000,000 rows and 8 columns has about 75 to 150 million."""
-SPARE = 256 << 20
+SPARE_BYTES = 256 << 20
 """Bytes that stay free on the disk."""
 MAX_REQUEST_BYTES = 4 << 20
 """Bytes of a request that is no file."""
@@ -40,7 +40,7 @@ async def asked(request: Request) -> dict[str, Any]:
 async def received(request: Request, folder: Path, name: str) -> Path:
     """Return a new file in a folder with the body of a request; too much is refused as early as it is known."""
     stated = int(request.headers.get("content-length") or 0)
-    room = min(MAX_FILE_BYTES, shutil.disk_usage(folder).free - SPARE)
+    room = min(MAX_FILE_BYTES, shutil.disk_usage(folder).free - SPARE_BYTES)
     descriptor, made = tempfile.mkstemp(".part", ".", folder)  # nobody else has it, and no link is followed
     part, size, whole = Path(made), 0, False
     try:

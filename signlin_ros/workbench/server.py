@@ -312,7 +312,7 @@ async def exported(request: Request) -> Response:
     """Return one of the exported files."""
     session, name = _session(request), request.path_params["name"]
     file = session.project.folder / "export" / name
-    if plans.FILES.fullmatch(name) and (session.project.folder / name).is_file():
+    if plans.PLAN_FILES.fullmatch(name) and (session.project.folder / name).is_file():
         return FileResponse(session.project.folder / name, filename=name, media_type="application/octet-stream")
     if name not in EXPORTED or not file.is_file():
         raise InputError(f"no such file: {name!r}")

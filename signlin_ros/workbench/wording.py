@@ -6,7 +6,7 @@ import re
 
 TIME = "in the row time below"
 STEP_HINT = f"; choose its column {TIME}, or write there how many s are from row to row"
-INSTEAD = (
+PAGE_WORDS = (
     (r"(; |, )?(name it|map one) with --signal t=.*$", STEP_HINT),
     (r"(; |, )?(state it|or say): --signal 't = .*$", f"; choose its unit {TIME}"),
     (r"state its unit, e\.g\. .*$", f"choose its unit {TIME}"),
@@ -35,7 +35,7 @@ INSTEAD = (
 
 def on_page(text: str) -> str:
     """Return a sentence of the command line as the page says it."""
-    for pattern, words in INSTEAD:
+    for pattern, words in PAGE_WORDS:
         text = re.sub(pattern, words, text)
     return text
 

@@ -71,17 +71,17 @@ while str(os.getppid()) == follows:
 """Stands for a node: it ends when it is asked, when its parent is gone, or fails."""
 TOGETHER = """
 import sys
-from sim_nodes.up import Together
+from sim_nodes.up import ProcessGroup
 names = ["linearizer", "controller", "plant_simulator"]
 waits, folder = sys.argv[1:]
-sys.exit(Together({f"/{n}": [sys.executable, "-c", waits, n, folder] for n in names}).run())
+sys.exit(ProcessGroup({f"/{n}": [sys.executable, "-c", waits, n, folder] for n in names}).run())
 """
 
 
 @pytest.fixture
 def together(tmp_path: Path) -> Any:
     process = subprocess.Popen([sys.executable, "-c", TOGETHER, WAITS, str(tmp_path)], stderr=subprocess.PIPE)
-    _until(lambda: len(list(tmp_path.glob("*.begun"))) == 3)
+    _until(lambda: sum(bool(f.read_text()) for f in tmp_path.glob("*.begun")) == 3)  # a file is there before its text
     yield process
     process.kill()
     process.communicate()
