@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+PROGRESS_ASKED = "SIGNLIN_PROGRESS"
+"""Variable of the environment that says that a program, no terminal, reads what is told of progress."""
 TIME_NAMES = ("t", "time", "timestamp", "stamp")
 """What the time column of a record may be called, in the order in which it is looked for."""
 

@@ -7,11 +7,12 @@ still, and a controller that stands still drives on with its last input.
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,8 @@ OF_ONE_JOINT = ("monitor", "controller")
 """Nodes that take no arm."""
 FIRST_TO_END = "controller"
 """What ends before the others: its last input is a 0, and somebody has to be there to take it."""
+OF_A_NAMESPACE = re.compile(r"(?:([A-Za-z_/][\w/]*)=)?(.+)")
+"""A model, with the namespace that it is for before it."""
 NO_LIMIT = "no controller: give -p controller.limit=..., the largest |input| that the drive may be given"
 POLL_PERIOD = 0.05
 """Seconds between two looks at whether all still run."""
@@ -45,8 +48,9 @@ CODE = "import sys; from signlin_ros.nodes.start import start; sys.exit(start({!
 class StartPlan:
     """What is started: ``model`` for all nodes, ``truth`` for the simulator in its place, one set for each namespace.
 
-    ``parameters``: ``node.name=value``, or ``name=value`` for all nodes. With a ``record``, replay takes the place of
-    the simulator; without ``simulated`` neither is started: a real machine is there.
+    ``models``: those of namespaces that have one of their own. ``parameters``: ``node.name=value``, or ``name=value``
+    for all nodes, of one namespace with it and a slash before (``left/joint_name=wheel``). With a ``record``, replay
+    takes the place of the simulator; without ``simulated`` neither is started: a real machine is there.
     """
 
     model: str
@@ -56,29 +60,50 @@ class StartPlan:
     simulated: bool = True
     without: tuple[str, ...] = ()
     parameters: tuple[str, ...] = field(default=())
+    models: Mapping[str, str] = field(default_factory=dict)
 
-    def names(self) -> list[str]:
+    @classmethod
+    def of(cls, models: Sequence[str], namespaces: Sequence[str] = (), **more: Any) -> StartPlan:
+        """Make a plan of models as they are given: one, or ``NAMESPACE=MODEL`` for each joint."""
+        pairs = [(found[1] or "", found[2]) for one in models if (found := OF_A_NAMESPACE.fullmatch(one))]
+        own = {space.strip("/"): model for space, model in pairs if space}
+        if len(pairs) > len(own) + (len(pairs) == 1 and not own):
+            raise InputError(f"{' '.join(models)}: one MODEL, or NAMESPACE=MODEL for each joint, each namespace once")
+        if own and namespaces:
+            raise InputError("--namespace: each MODEL has its namespace before it already")
+        return cls(pairs[0][1], namespaces=tuple(own or namespaces or ("",)), models=own, **more)
+
+    def model_of(self, namespace: str) -> str:
+        """Return the model of a namespace."""
+        return self.models.get(namespace.strip("/"), self.model)
+
+    def names(self, namespace: str = "") -> list[str]:
         """Return the nodes of one namespace; raise `InputError` on an unknown one."""
         unknown = [name for name in self.without if name not in NODES]
         if unknown:
             raise InputError(f"{unknown[0]}: no node; known: {choices(NODES)}{suggest(unknown[0], NODES)}")
         source = ["replay"] if self.record else ["plant_simulator"] if self.simulated else []
-        found = [*source, "linearizer", "monitor", *(["controller"] if self.is_limited else [])]
-        if Model.load(self.model).plant.name == "arm":
+        found = [*source, "linearizer", "monitor", *(["controller"] if self.is_limited(namespace) else [])]
+        if Model.load(self.model_of(namespace)).plant.name == "arm":
             found = [name for name in found if name not in OF_ONE_JOINT]
         return [name for name in found if name not in self.without]
 
-    @property
-    def is_limited(self) -> bool:
-        """Whether a limit of the input was given: a controller does not start without one."""
-        given = [part.partition(":=")[0] for text in self.parameters for part in _parameter(text, "controller")]
-        return "limit" in given
+    def is_limited(self, namespace: str = "") -> bool:
+        """Tell whether a limit of the input was given, here or in the model; without one no controller starts."""
+        given = [part.partition(":=")[0] for part in self._given("controller", namespace)]
+        return "limit" in given or "limit" in Model.load(self.model_of(namespace)).node_options
+
+    def _given(self, node: str, namespace: str) -> list[str]:
+        """Return the parameters of a node in a namespace, as a command line has them."""
+        found = [_in_namespace(text, self.namespaces) for text in self.parameters]
+        there = [text for space, text in found if space in (None, namespace.strip("/"))]
+        return [part for text in there for part in _parameter(text, node)]
 
     def arguments(self, name: str, namespace: str) -> list[str]:
         """Return the arguments of a node, as a command line has them."""
-        model = self.truth if name == "plant_simulator" and self.truth else self.model
+        model = self.truth if name == "plant_simulator" and self.truth else self.model_of(namespace)
         file = find_model_file(model)
-        own = [part for text in self.parameters for part in _parameter(text, name)]
+        own = self._given(name, namespace)
         record = ["-p", f"record:={Path(self.record).resolve()}"] if name == "replay" else []
         place = ["-r", f"__ns:=/{namespace.strip('/')}"] if namespace.strip("/") else []
         return ["--ros-args", "--params-file", str(file), *place, *record, *own]
@@ -88,10 +113,21 @@ class StartPlan:
         found = {}
         for namespace in self.namespaces:
             place = f"/{namespace.strip('/')}".rstrip("/")
-            for name in self.names():
+            for name in self.names(namespace):
                 start = [sys.executable, "-c", CODE.format(NODES[name])]
                 found[f"{place}/{name}"] = [*start, *self.arguments(name, namespace)]
         return found
+
+
+def _in_namespace(text: str, namespaces: Sequence[str]) -> tuple[str | None, str]:
+    """Return the namespace that a parameter is for, None for all, and the parameter without it."""
+    space, slash, rest = text.partition("=")[0].rpartition("/")
+    if not slash:
+        return None, text
+    known = [name.strip("/") for name in namespaces]
+    if space.strip("/") not in known:
+        raise InputError(f"-p {text}: {space!r} is no namespace; there are: {choices(known)}{suggest(space, known)}")
+    return space.strip("/"), rest + text[len(space) + 1 + len(rest) :]
 
 
 def _parameter(text: str, node: str) -> Iterator[str]:
@@ -153,8 +189,9 @@ class ProcessGroup:
 def up(plan: StartPlan) -> int:
     """Run all nodes until a signal, the end of the record, or of a node; return the exit code."""
     commands = plan.commands()
-    if not plan.is_limited and "controller" not in plan.without:
-        sys.stderr.write(f"signlin: {NO_LIMIT}\n")
+    for namespace in plan.namespaces:
+        if not plan.is_limited(namespace) and "controller" not in plan.without:
+            sys.stderr.write(f"{namespace or 'signlin'}: {NO_LIMIT}\n")
     return ProcessGroup(commands).run()
 
 

@@ -16,15 +16,17 @@ def ros() -> None:
 
 
 @ros.command()
-@click.argument("model")
+@click.argument("models", nargs=-1, required=True, metavar="[NAMESPACE=]MODEL...")
 @click.option("--truth", default="", metavar="MODEL", help="What the simulator runs on; default: MODEL.")
 @click.option("--record", default="", metavar="DATA", help="A record to replay in place of the simulator.")
 @click.option("--real", is_flag=True, help="No simulator: a machine publishes its states.")
-@click.option("--namespace", "namespaces", multiple=True, help="Of one joint; repeat it for several.")
+@click.option("--namespace", "namespaces", multiple=True, help="Of one joint; repeat it for several on one MODEL.")
 @click.option("--without", multiple=True, metavar="NODE", help="A node that is not wanted. Repeatable.")
-@click.option("-p", "parameters", multiple=True, metavar="[NODE.]NAME=VALUE", help="A parameter. Repeatable.")
+@click.option(
+    "-p", "parameters", multiple=True, metavar="[NAMESPACE/][NODE.]NAME=VALUE", help="A parameter. Repeatable."
+)
 def up(
-    model: str,
+    models: tuple[str, ...],
     truth: str,
     record: str,
     real: bool,
@@ -32,14 +34,19 @@ def up(
     without: tuple[str, ...],
     parameters: tuple[str, ...],
 ) -> None:
-    """Start simulator or replay, linearizer, monitor and controller on MODEL, until Ctrl-C; each is a process."""
+    """Start simulator or replay, linearizer, monitor and controller on MODEL, until Ctrl-C; each is a process.
+
+    Several joints: a MODEL each with its namespace before it, or one MODEL with several --namespace.
+    """
     try:
         live = importlib.import_module("sim_nodes.up")
     except ModuleNotFoundError as error:
         raise MissingExtraError("signlin ros up", "ros") from error
     missing = () if importlib.util.find_spec("signlin_ros.nodes.controller") else ("controller",)
-    plan = live.StartPlan(model, truth, record, namespaces or ("",), not real, (*without, *missing), parameters)
-    plan.names()
+    told = {"truth": truth, "record": record, "simulated": not real, "without": (*without, *missing)}
+    plan = live.StartPlan.of(models, namespaces, parameters=parameters, **told)
+    for namespace in plan.namespaces:
+        plan.names(namespace)
     sys.exit(live.up(plan))
 
 

@@ -99,6 +99,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (InputError, MissingExtraError) as error:
         tell(f"signlin: {_one_line(error)}")
         return 2
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] == __name__.partition(".")[0]:
+            return _fault(error)
+        tell(f"signlin: the Python module {error.name} is not there: pip install {error.name}")
+        return 2
     except (click.Abort, KeyboardInterrupt):
         tell("signlin: interrupted")
         return 130

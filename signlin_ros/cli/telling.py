@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 import sys
 from collections.abc import Sequence
 from typing import Any
 
 import click
+
+from signlin_ros.names import PROGRESS_ASKED
 
 
 def tell(text: str) -> None:
@@ -17,7 +20,7 @@ def tell(text: str) -> None:
 
 def progress(text: str) -> None:
     """Say on standard error what takes its time, if somebody is looking."""
-    if sys.stderr.isatty():
+    if sys.stderr.isatty() or os.environ.get(PROGRESS_ASKED):
         tell(text)
 
 

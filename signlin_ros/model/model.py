@@ -148,11 +148,18 @@ class Model:
         return self._changed(effects={**self._written, key: {"type": type, **nominal(pars, given), **given}})
 
     def without_effect(self, key: str) -> Model:
-        """Return a model without one effect."""
+        """Return a model without one effect; what options say of states that go with it goes, too."""
         if key not in self.effects:
             raise ModelError(f"effects.{key}: is not in the model; there are: {choices(self.effects)}")
         kept = [n for n in self.per_record if n.partition(".")[0] != key]
-        return self._changed(effects={k: use for k, use in self._written.items() if k != key}, per_record=kept)
+        tables = {name: getattr(self, name) for name in ("state_weights", "initial_state", "operating_range")}
+        scale = self.sign_scale or Model.sign_scale
+        effects = {k: use for k, use in self._written.items() if k != key}
+        bare = self._changed(effects=effects, per_record=kept, sign_scale=scale, **{name: {} for name in tables})
+        there = (*bare.states, *bare.inputs, *bare.outputs)
+        left = {option: {n: v for n, v in table.items() if n in there} for option, table in tables.items()}
+        ranged = left["operating_range"] or not self.operating_range
+        return bare._changed(sign_scale=self.sign_scale if ranged else scale, **left)
 
     @property
     def _written(self) -> dict[str, dict[str, Any]]:

@@ -30,11 +30,11 @@ RESERVED_KEYS = ("use_sim_time", "qos_overrides", "start_type_description_servic
 NODE_KEYS = (
     *("publish_rate", "noise", "seed", "input_signal", "amplitude", "input_period", "joint_name"),
     *("command", "limits", "margin", "runs", "pause", "ramp", "output", "first_record"),
-    *("state_source", "state_timeout", "record", "rate", "loop", "publish_clock"),
+    *("state_source", "state_timeout", "input_timeout", "stamps", "ignore", "record", "rate", "loop", "publish_clock"),
     *("design", "track", "control_period", "limit", "loop_delay", "largest_speed", "bandwidth", "damping", "integral"),
     *("tolerance_at_rest", "floor", "friction_share", "turning", "reference_timeout", "model_timeout"),
     "needs_model",
-    *("autostart", "observer", "model_file", "linearizer", "window", "learn", "warn_above", "folder"),
+    *("autostart", "observer", "model_file", "linearizer", "keep", "window", "learn", "warn_above", "plot", "folder"),
 )
 """Keys of the nodes (docs/nodes), accepted by every verb."""
 

@@ -3,22 +3,32 @@
 from __future__ import annotations
 
 import json
+import os
 import pickle
+import re
+import signal
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from signlin_ros.errors import SignlinError
 from signlin_ros.model import Model
+from signlin_ros.names import PROGRESS_ASKED
 from signlin_ros.observe.naming import Question
 from signlin_ros.records import Record, write_record
 
 NICE = 5
 POLITELY = f"import os, sys; os.nice({NICE}); from signlin_ros.%s import main; sys.exit(main())"
 """What a process runs: the ``main`` of a module, with all others before it."""
+
+STAGE = re.compile(r"^\s*(\d+) %  (.*)$", re.MULTILINE)
+"""How a verb tells how far it is."""
+MOST_ROWS = 20_000
+"""Rows of a record that is diagnosed: a fit takes as long as there are rows, and so many tell what an encoder tells."""
 
 
 class DiagnosisProcess:
@@ -40,9 +50,8 @@ class DiagnosisProcess:
 
     def _started(self, *verb: str) -> subprocess.Popen[bytes]:
         """Start a verb as a process that leaves the processor to whoever has times to keep."""
-        command = [sys.executable, "-c", POLITELY % "cli", *verb]
         out = self._errors if self._out.closed else self._out
-        return subprocess.Popen(command, stdout=out, stderr=self._errors, stdin=subprocess.DEVNULL)
+        return _politely("cli", verb, stdin=subprocess.DEVNULL, stdout=out, stderr=self._errors)
 
     @property
     def running(self) -> bool:
@@ -59,6 +68,14 @@ class DiagnosisProcess:
         """How long it has been running."""
         return time.monotonic() - self.begun
 
+    @property
+    def stage(self) -> tuple[float, str]:
+        """How far it is: the share of the work that is done, and what is being done."""
+        if self._warming is not None:
+            return 1.0, "compiling the better model"
+        said = STAGE.findall((self.folder / "errors.txt").read_text(errors="replace"))
+        return (float(said[-1][0]) / 100, said[-1][1].strip()) if said else (0.0, "reading the record")
+
     def result(self) -> dict[str, Any]:
         """Return the verdict as ``signlin refine --json`` gives it; raise `SignlinError` where there is none."""
         self._out.close()
@@ -68,16 +85,17 @@ class DiagnosisProcess:
                 return dict(json.loads((self.folder / "verdict.json").read_text(encoding="utf-8")))
         except ValueError:
             pass
-        last = (self.folder / "errors.txt").read_text(errors="replace").strip().splitlines()
+        last = STAGE.sub("", (self.folder / "errors.txt").read_text(errors="replace")).strip().splitlines()
         why = last[-1] if last else f"it ended with exit code {self._process.returncode}"
         raise SignlinError(f"no diagnosis: {why}")
 
     def stop(self) -> None:
         """End it, if it is still running."""
         for process in (self._process, self._warming):
-            if process is not None and process.poll() is None:
-                process.kill()
-                process.wait()
+            if process is not None:
+                _end(process)
+        self._out.close()
+        self._errors.close()
 
 
 class Planning:
@@ -88,10 +106,10 @@ class Planning:
     def __init__(self, folder: Path) -> None:
         self.folder, self.file, self.report_file = folder, folder / "next.csv", folder / "next.html"
         verb = ["experiment", str(folder / "verdict.json"), "-o", str(self.file), "--report", str(self.report_file)]
-        command = [sys.executable, "-c", POLITELY % "cli", *verb, "--json"]
         self._out, self._errors = (folder / "plan.json").open("wb"), (folder / "plan_errors.txt").open("wb")
-        streams = {"stdin": subprocess.DEVNULL, "stdout": self._out, "stderr": self._errors}
-        self._process = subprocess.Popen(command, **streams)  # type: ignore[call-overload]
+        self._process = _politely(
+            "cli", [*verb, "--json"], stdin=subprocess.DEVNULL, stdout=self._out, stderr=self._errors
+        )
 
     @property
     def running(self) -> bool:
@@ -104,25 +122,24 @@ class Planning:
         self._errors.close()
         if self._process.returncode == 0:
             return dict(json.loads((self.folder / "plan.json").read_text(encoding="utf-8")))
-        last = (self.folder / "plan_errors.txt").read_text(errors="replace").strip().splitlines()
+        last = STAGE.sub("", (self.folder / "plan_errors.txt").read_text(errors="replace")).strip().splitlines()
         raise SignlinError(last[-1] if last else f"no plan: it ended with exit code {self._process.returncode}")
 
     def stop(self) -> None:
         """End it, if it is still running."""
-        if self.running:
-            self._process.kill()
-            self._process.wait()
+        _end(self._process)
+        self._out.close()
+        self._errors.close()
 
 
 class Naming:
     """A `Question` put to a process, started at once."""
 
     def __init__(self, question: Question) -> None:
-        command = [sys.executable, "-c", POLITELY % "observe.naming"]
         with tempfile.TemporaryFile() as asked:
             pickle.dump(question, asked)
             asked.seek(0)
-            self._process = subprocess.Popen(command, stdin=asked, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+            self._process = _politely("observe.naming", [], stdin=asked, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
 
     @property
     def running(self) -> bool:
@@ -143,9 +160,22 @@ class Naming:
 
     def stop(self) -> None:
         """End it, if it is still running."""
-        if self.running:
-            self._process.kill()
+        _end(self._process)
         self._process.communicate()
+
+
+def _politely(module: str, arguments: Sequence[str], **streams: Any) -> subprocess.Popen[bytes]:
+    """Start the ``main`` of a module as a process with all others before it, and with what it starts in a group."""
+    command = [sys.executable, "-c", POLITELY % module, *arguments]
+    env = {**os.environ, PROGRESS_ASKED: "1"}
+    return subprocess.Popen(command, env=env, start_new_session=True, **streams)
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    """End a process and all that it has started, if it is still running."""
+    if process.poll() is None:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
 
 
 __all__ = ["DiagnosisProcess", "Naming", "Planning"]

@@ -26,6 +26,14 @@ def measured_states(model: Model, joint: Mapping[str, float]) -> dict[str, float
     return found
 
 
+def effort_input(model: Model, joint: Mapping[str, float]) -> float | None:
+    """Return a joint's effort where it is the model's only input (a mass that a force drives); None elsewhere.
+
+    A motor's input is a voltage, of which its effort, K_t i, tells nothing at once.
+    """
+    return joint.get("effort") if model.inputs == (model.plant.effort,) else None
+
+
 def joint_values(model: Model, states: Mapping[str, float], u: Array) -> dict[str, float]:
     """Return position, velocity and effort as far as states (by name) and input u (m,) tell them.
 

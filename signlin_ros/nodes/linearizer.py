@@ -29,20 +29,19 @@ from signlin_ros.nodes.linearizer_logic import (
     NANO,
     OBSERVERS,
     LinearizerLogic,
-    Prepared,
     Refusal,
     Update,
-    checked_linearizer,
 )
 from signlin_ros.nodes.managed import ManagedNode
 from signlin_ros.nodes.overrides import Overridable
 from signlin_ros.nodes.parameters import on_change
+from signlin_ros.nodes.prepared import Prepared
 from signlin_ros.nodes.qos import LATCHED, SENSOR_QOS
 from signlin_ros.nodes.runner import run
+from signlin_ros.nodes.sources import STATE_OPTIONS, StateReader
 
 OPTIONS = {
-    "state_source": Overridable("array", "where states come from", choices=("array", "joint_state")),
-    "joint_name": Overridable("joint", "name of the joint in joint_states"),
+    **STATE_OPTIONS,
     "state_timeout": Overridable(
         0.0,
         "age of the state [s] above which nothing is published; 0: three update periods",
@@ -50,7 +49,16 @@ OPTIONS = {
         1e6,
         read_only=False,
     ),
-    "observer": Overridable("kalman", "where states that are not measured come from", choices=OBSERVERS),
+    "input_timeout": Overridable(
+        0.0,
+        "age of the input [s] above which none is known; 0: three update periods; large: it is held until the next one",
+        0.0,
+        1e6,
+        read_only=False,
+    ),
+    "observer": Overridable(
+        "kalman", "where states of joint_states come from that are not measured, or noisy", choices=OBSERVERS
+    ),
     "model_file": Overridable(
         "", "another model, taken at once; empty: the one that the node began with", read_only=False
     ),
@@ -63,7 +71,7 @@ CLOCK_PATIENCE = 5.0
 """Seconds without /clock, with use_sim_time, after which that is said."""
 
 
-class LinearizerNode(ManagedNode):
+class LinearizerNode(StateReader, ManagedNode):
     """Reads messages into `LinearizerLogic` and publishes what comes out."""
 
     def __init__(self) -> None:
@@ -75,10 +83,10 @@ class LinearizerNode(ManagedNode):
         self._waited = 0.0
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._slow_timer = self.create_timer(1.0, self._on_second, clock=steady)
-        self._last_refused, self._latest, self._computing = 0, 0, 0.0
+        self._latest, self._computing = 0, 0.0
         backward = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True)
         self._jump = self.get_clock().create_jump_callback(backward, post_callback=self._on_jump)
-        self._renewing = self._has_input = False
+        self._renewing = False
         if self.options["model_file"]:
             self.renew(Model.load(self.options["model_file"]))
         on_change(self, self._try_changes, self._apply_changes)
@@ -87,7 +95,14 @@ class LinearizerNode(ManagedNode):
     def set_up(self) -> None:
         """Make the logic and the publishers."""
         option = self.options
-        self.logic = LinearizerLogic(self.model, self.now(), option["state_timeout"], option["observer"])
+        self.logic = LinearizerLogic(
+            self.model,
+            self.now(),
+            option["state_timeout"],
+            option["observer"],
+            option["input_timeout"],
+            option["ignore"],
+        )
         if option["state_source"] == "joint_state" and self.model.plant.name != "arm":
             self.logic.warm_up(self.model)
         self._publish_to = {
@@ -137,7 +152,7 @@ class LinearizerNode(ManagedNode):
     def _rest(self) -> float:
         """Return how long messages may gather, in s: not beyond the next update."""
         due = self._timer.time_until_next_call() or 0
-        return max(0.0, min(LONGEST_REST, self.model.update_period / 20, due / NANO))
+        return float(max(0.0, min(LONGEST_REST, self.model.update_period / 20, due / NANO)))
 
     def _take_input(self, message: Float64MultiArray, now: int) -> None:
         self._has_input = True
@@ -150,18 +165,24 @@ class LinearizerNode(ManagedNode):
         if self.model.plant.name == "arm":
             self._take_joints(message, now)
             return
-        joint = convert.read_joint(message, self.joint)
+        joint, stamp = convert.read_joint(message, self.joint), self.stamp_of(message, now)
         values = joint if isinstance(joint, Refusal) else measured_states(self.model, joint)
-        self.logic.take_measured(values, convert.nanoseconds(message.header.stamp), now)
+        effort = None if isinstance(joint, Refusal) else self.effort_as_input(joint, self.logic.channels)
+        if effort is not None:
+            self.logic.take_input(np.array([effort]), stamp)
+        self.logic.take_measured(values, stamp, now)
 
     def _take_joints(self, message: JointState, now: int) -> None:
         """Take all joints of an arm by name; efforts are its input where nobody publishes one."""
         joints = [name.removesuffix(".effort") for name in self.model.inputs]
         values = convert.read_joints(message, joints)
         if not isinstance(values, Refusal) and not self._has_input and all(n in values for n in self.model.inputs):
-            self.logic.take_input(np.array([values[name] for name in self.model.inputs]), now)
+            efforts = np.array([values[name] for name in self.model.inputs])
+            self._has_effort = self._has_effort or bool(efforts.any())
+            if self._has_effort:  # efforts that are 0 throughout are not measured
+                self.logic.take_input(efforts, now)
         shown = values if isinstance(values, Refusal) else measured_states(self.model, values)
-        self.logic.take_measured(shown, convert.nanoseconds(message.header.stamp), now)
+        self.logic.take_measured(shown, self.stamp_of(message, now), now)
 
     def _on_period(self) -> None:
         start = time.perf_counter()
@@ -200,22 +221,23 @@ class LinearizerNode(ManagedNode):
             level=bytes([health.level]),
             name=f"{self.get_fully_qualified_name()}: linearization",
             message=health.message,
-            hardware_id=self.model.plant.name,
+            hardware_id=self.hardware_id,
             values=values,
         )
         self._diagnostics.publish(DiagnosticArray(header=Header(stamp=convert.stamp_of(now)), status=[status]))
         self._warn()
 
     def _warn(self) -> None:
-        """Say what a user would wonder about: refused messages, a simulated clock that nobody publishes."""
-        total = sum(self.logic.refused.values())
-        if total > self._last_refused and self.logic.last_refusal is not None:
-            last = self.logic.last_refusal
-            self.get_logger().warning(
-                f"{total - self._last_refused} messages refused, the last: {last.kind}: {last.detail}",
-                throttle_duration_sec=10.0,
+        """Say once what a user would wonder about: each kind of refused messages, channels that are left out, a
+        simulated clock that nobody publishes.
+        """
+        last = self.logic.last_refusal
+        if last is not None:
+            self.warn_once(
+                last.kind, f"a message was refused, {last.kind}: {last.detail}; diagnostics count more of them"
             )
-        self._last_refused = total
+        if self.logic.channels.sentence:
+            self.warn_once("channels", self.logic.channels.sentence)
         if self.get_parameter("use_sim_time").value and self.now() == 0:
             self._waited += 1.0
             if self._waited == CLOCK_PATIENCE:
@@ -235,7 +257,7 @@ class LinearizerNode(ManagedNode):
         else:
             model = Model.load(changes["model_file"]) if changes["model_file"] else self._first
         model.to_yaml()
-        return self.logic.prepare(model) if self.logic else Prepared(model, checked_linearizer(model), None)
+        return self.logic.prepare(model) if self.logic else Prepared.of(model)
 
     def _aside(self, work: Callable[[], Prepared]) -> Prepared:
         """Do what takes its time in a thread, and meanwhile what the executor would do; it waits for this callback."""
@@ -261,10 +283,13 @@ class LinearizerNode(ManagedNode):
         if "model_file" in changes:
             self._renew(new.model)
         self.model = new.model
-        self.options["state_timeout"] = float(changes.get("state_timeout", self.options["state_timeout"]))
+        for name in ("state_timeout", "input_timeout"):
+            self.options[name] = float(changes.get(name, self.options[name]))
         if self.logic is None:
             return
-        self.logic.state_timeout = self.options["state_timeout"]
+        self.logic.state_timeout, self.logic.input_timeout = (
+            self.options[n] for n in ("state_timeout", "input_timeout")
+        )
         self.logic.configure(new)
         self._yaml.publish(String(data=_text(self.model)))
         if "model_file" in changes:

@@ -14,16 +14,16 @@ from numpy.typing import NDArray
 
 from signlin_ros.errors import InputError
 from signlin_ros.estimate import StateEstimator
-from signlin_ros.linearization import Linearization, Linearizer
+from signlin_ros.linearization import Linearization
 from signlin_ros.model import Model
+from signlin_ros.nodes.channels import Channels
+from signlin_ros.nodes.prepared import AT_START, Prepared
 from signlin_ros.observe import KalmanObserver
 from signlin_ros.sensors import Sensor
 
 Array = NDArray[np.float64]
 NANO = 1_000_000_000
 LEVEL_OK, WARN, ERROR = 0, 1, 2
-SHORTEST_PERIOD = 1e-4
-"""Seconds; a node cannot publish faster."""
 OBSERVERS = ("kalman", "none")
 """Where states that are not measured come from: the model, corrected by what is measured; or a parabola and the model
 alone."""
@@ -67,15 +67,6 @@ class _State:
     came: int
 
 
-@dataclass(frozen=True)
-class Prepared:
-    """A model with what it needs to be taken at once: its linearizer, and its observer where one is at work."""
-
-    model: Model
-    linearizer: Linearizer
-    observer: KalmanObserver | None
-
-
 class LinearizerLogic:
     """States and inputs in, models out.
 
@@ -84,11 +75,25 @@ class LinearizerLogic:
     model : what is linearized.
     now : the time in ns; periods are counted from here.
     state_timeout : s without a valid state after which nothing is published; 0: three update periods.
-    observer : one of `OBSERVERS`, for states that are not measured.
+    observer : one of `OBSERVERS`, for states that are not measured, and against the noise of those that are.
+    input_timeout : s without an input after which none is known; 0: three update periods.
+    ignored : channels that are left out, apart by commas (see `Channels`).
+
+    While no input is known, the operating point is the state itself, whatever the model says: half a period ahead of
+    it is not known. Diagnostics say so.
     """
 
-    def __init__(self, model: Model, now: int, state_timeout: float = 0.0, observer: str = "kalman") -> None:
+    def __init__(
+        self,
+        model: Model,
+        now: int,
+        state_timeout: float = 0.0,
+        observer: str = "kalman",
+        input_timeout: float = 0.0,
+        ignored: str = "",
+    ) -> None:
         self.observer, self.model = observer, model
+        self.channels, self._ignored = Channels(model, ignored), ignored
         self._state: _State | None = None
         self._watcher: KalmanObserver | None = None
         self._estimator: StateEstimator | None = None
@@ -100,8 +105,8 @@ class LinearizerLogic:
         self.last_refusal: Refusal | None = None
         self.last: Update | None = None
         self._latency = 0
-        self.input_received = False
-        self.state_timeout = state_timeout
+        self._input_came: int | None = None
+        self.state_timeout, self.input_timeout = state_timeout, input_timeout
         self.u = model.u0
         self.configure(model)
         self.reset(now)
@@ -114,7 +119,7 @@ class LinearizerLogic:
             self.warm_up(model)
         watcher = self._watcher
         kept = [name for name in watcher.channels if name in model.states] if watcher is not None else []
-        return Prepared(model, checked_linearizer(model), KalmanObserver(model, kept) if kept else None)
+        return Prepared.of(model, KalmanObserver(model, kept) if kept else None)
 
     def warm_up(self, model: Model) -> None:
         """Have compiled what a state that is not whole will need, so that the first message is as quick as others."""
@@ -135,12 +140,14 @@ class LinearizerLogic:
         What is known goes on where the two have it in common: states that the observer has, the input, the sequence.
         """
         new = self.prepare(model) if isinstance(model, Model) else model
-        before, self.model, self.linearizer = self.model, new.model, new.linearizer
+        before, self.model, self.linearizer, self._at_start = self.model, new.model, new.linearizer, new.at_start
         if new.observer is not None and self._watcher is not None:
             new.observer.adopt(self._watcher)
         self._watcher, self._estimator = new.observer, None
         self.period = round(self.model.update_period * NANO)
         self._perfect = all(sensor == Sensor() for sensor in self.model.sensors.values())
+        if before.states != self.model.states:
+            self.channels = Channels(self.model, self._ignored)
         if before.inputs != self.model.inputs:
             known = dict(zip(before.inputs, self.u.tolist(), strict=True))
             pairs = zip(self.model.inputs, self.model.u0.tolist(), strict=True)
@@ -152,7 +159,7 @@ class LinearizerLogic:
         """Forget the state and count periods from ``now``: the clock has jumped."""
         self._state = None
         self._estimator = None
-        self._watcher = None
+        self._watcher, self._input_came = None, None
         self._fault, self._epoch = "", now
         self.restart(now)
 
@@ -167,16 +174,30 @@ class LinearizerLogic:
         """Age in ns above which a state is not used."""
         return round(self.state_timeout * NANO) if self.state_timeout > 0 else 3 * self.period
 
+    @property
+    def input_received(self) -> bool:
+        """Whether an input has come."""
+        return self._input_came is not None
+
+    def unknown_input(self, now: int) -> str:
+        """Return why no input is known at a time in ns; empty where one is."""
+        if not self.model.inputs:
+            return ""
+        if self._input_came is None:
+            return "no input has come"
+        age = now - self._input_came
+        longest = round(self.input_timeout * NANO) if self.input_timeout > 0 else 3 * self.period
+        return f"the last input is {age / NANO:.3g} s old" if age > longest else ""
+
     # ---------------------------------------------------------------- input
 
-    def take_input(self, value: Array | Refusal, now: int | None = None) -> None:
-        """Hold an input (m,) until the next one; ``now``: when it came, for the observer."""
+    def take_input(self, value: Array | Refusal, now: int) -> None:
+        """Hold an input (m,) that came at a time in ns until the next one, or until it is too old."""
         if isinstance(value, Refusal):
             self._refuse(Refusal(f"input_{value.kind}", value.detail))
             return
-        self.u = value
-        self.input_received = True
-        if self._watcher is not None and now is not None:
+        self.u, self._input_came = value, now
+        if self._watcher is not None:
             self._watcher.take_input((now - self._epoch) / NANO, value)
 
     def take_state(self, value: Array | Refusal, now: int) -> None:
@@ -184,7 +205,11 @@ class LinearizerLogic:
         if isinstance(value, Refusal):
             self._refuse(value)
             return
-        self._accept(value if self._perfect else self.model.true_states(value), now, now)
+        shown = dict(zip(self.model.states, value.tolist(), strict=True))
+        if len(self.channels.told(shown)) < len(shown):
+            self.take_measured(shown, now, now)
+        else:
+            self._accept(value if self._perfect else self.model.true_states(value), now, now)
 
     def take_measured(self, value: Mapping[str, float] | Refusal, stamp: int, now: int) -> None:
         """Take what the sensors show of a state, by name, with its own stamp; the model carries the rest.
@@ -195,6 +220,7 @@ class LinearizerLogic:
         if isinstance(value, Refusal):
             self._refuse(value)
             return
+        value = self.channels.told(value)
         fault = self._stamp_fault(stamp, now) or self._missing(value)
         if fault is not None:
             self._refuse(fault)
@@ -240,9 +266,14 @@ class LinearizerLogic:
         return None
 
     def _whole(self, shown: Mapping[str, float], stamp: int) -> Array | None:
-        """Return the state (n,) from what the sensors show of it; None where the observer has to be asked for it."""
+        """Return the state (n,) from what the sensors show of it; None where the observer has to be asked for it.
+
+        That weighs what is measured by its noise, also where all is measured: a noisy velocity must not make a model
+        worse than the position alone would. An arm has no observer.
+        """
         states, sensors = self.model.states, self.model.sensors
-        if all(name in shown for name in states):
+        observed = self.observer == "kalman" and self.model.plant.name != "arm"
+        if not observed and all(name in shown for name in states):
             return np.array([sensors[name].true(shown[name]) for name in states])
         resumed = self._state is None or stamp - self._state.stamp > self.timeout
         if self.observer == "kalman":
@@ -294,8 +325,9 @@ class LinearizerLogic:
         return self._results(state, due, now) if due > 0 else []
 
     def _results(self, state: _State, due: int, now: int) -> list[Update]:
+        at = self._at_start if self.unknown_input(now) else self.linearizer
         try:
-            result = self.linearizer(self._known_state(state), self.u)
+            result = at(self._known_state(state), self.u)
         except InputError as error:
             return self._no_result(str(error))
         if not all(np.isfinite(part).all() for part in (result.A, result.B, result.c, result.x, result.u)):
@@ -310,7 +342,7 @@ class LinearizerLogic:
     def _no_result(self, why: str) -> list[Update]:
         self._refuse(Refusal("no_result", why))
         self._fault = why
-        self._state = None
+        self._state = self._watcher = None
         return []
 
     # ---------------------------------------------------------------- diagnostics
@@ -318,7 +350,8 @@ class LinearizerLogic:
     def health(self, now: int) -> Health:
         """Return the state of affairs for /diagnostics."""
         age = now - (self.origin if self._state is None else self._state.stamp)
-        level, message = self._verdict(age)
+        level, message = self._verdict(age, now)
+        unknown = self.unknown_input(now)
         values = {
             "plant": self.model.plant.name,
             "sequence": str(self.sequence),
@@ -328,6 +361,8 @@ class LinearizerLogic:
             "states accepted": str(self.accepted),
             "messages refused": str(sum(self.refused.values())),
             "input received": str(self.input_received).lower(),
+            "input age [s]": "no input" if self._input_came is None else f"{(now - self._input_came) / NANO:.6f}",
+            "operating point": f"{AT_START}: {unknown}" if unknown else self.model.operating_point,
             "in_valid_range": "unknown" if self.last is None else str(self.last.result.in_valid_range).lower(),
             "delay [s]": "unknown" if self.last is None else f"{self.last.result.delay:g}",
         }
@@ -336,6 +371,8 @@ class LinearizerLogic:
         if self._watcher is not None:
             noise = (f"{name} {sigma:.3g}" for name, sigma in self._watcher.sigma.items())
             values["observer"] = f"kalman, model trusted to {100 * self._watcher.trust:g} %; noise: {', '.join(noise)}"
+        if self.channels.sentence:
+            values["channels"] = self.channels.sentence
         if self.last_refusal is not None:
             values["last refused"] = f"{self.last_refusal.kind}: {self.last_refusal.detail}"
         values |= {f"refused: {k}": str(n) for k, n in sorted(self.refused.items())}
@@ -352,7 +389,7 @@ class LinearizerLogic:
         found = {f"{name}: in_valid_range": str(name not in beyond).lower() for name in names}
         return found | {f"{name}: messages refused": str(self.faults[name]) for name in names}
 
-    def _verdict(self, age: int) -> tuple[int, str]:
+    def _verdict(self, age: int, now: int) -> tuple[int, str]:
         if age > self.timeout:
             what = "no valid state yet" if self.last is None else "no valid state; the last model stays"
             return ERROR, f"{what} ({age / NANO:.3g} s)"
@@ -360,9 +397,15 @@ class LinearizerLogic:
             return ERROR, f"no model: {self._fault}"
         if self._state is None:
             return WARN, "waiting for the first state"
+        doubts = []
         if self.last is not None and not self.last.result.in_valid_range:
-            return WARN, "outside the valid range of sign_j: friction is under- or overestimated"
-        return LEVEL_OK, "publishing"
+            doubts.append("outside the valid range of sign_j: friction is under- or overestimated")
+        if unknown := self.unknown_input(now):
+            held = " and ".join(f"{v:g}" for v in self.u)
+            doubts.append(f"{unknown}: linearized at the state itself, with an input of {held}")
+        if self.channels.dead:
+            doubts.append(self.channels.sentence)
+        return (WARN, "; ".join(doubts)) if doubts else (LEVEL_OK, "publishing")
 
     def rate(self, now: int) -> float:
         """Return how many models were made per second lately, over the last 20 at most."""
@@ -370,12 +413,3 @@ class LinearizerLogic:
             return 0.0
         span = (self._recent[-1] - self._recent[0]) / NANO
         return (len(self._recent) - 1) / span if span > 0 else 0.0
-
-
-def checked_linearizer(model: Model) -> Linearizer:
-    """Return a linearizer that has done one point, so that all is compiled; may raise `InputError`."""
-    if model.update_period < SHORTEST_PERIOD:
-        raise InputError(f"update_period: found {model.update_period:g} s; a node needs {SHORTEST_PERIOD:g} s")
-    linearizer = Linearizer(model)
-    linearizer(model.x0, np.zeros(len(model.inputs)))
-    return linearizer

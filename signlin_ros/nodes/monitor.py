@@ -2,25 +2,22 @@
 
 Subscribes ``state`` or ``joint_states``, ``input``, ``linearizer/model`` and ``linearizer/model_yaml``; publishes
 ``~/error``, ``~/verdict``, ``~/plan``, ``~/plot/...`` and ``/diagnostics``; services ``~/diagnose``, ``~/experiment``,
-``~/apply``, ``~/revert``, ``~/record``.
+``~/cancel``, ``~/apply``, ``~/revert``, ``~/reset``, ``~/record``.
 """
 
 from __future__ import annotations
 
 import json
-import os
 import tempfile
-import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rcl_interfaces.srv import SetParameters
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType, JumpThreshold
 from rclpy.duration import Duration
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header, String
 from std_srvs.srv import Trigger
@@ -28,7 +25,10 @@ from std_srvs.srv import Trigger
 from signlin_ros.errors import SignlinError
 from signlin_ros.model import Model
 from signlin_ros.nodes import convert
-from signlin_ros.nodes.diagnosing import DiagnosisProcess, Naming, Planning
+from signlin_ros.nodes.channels import Channels
+from signlin_ros.nodes.diagnoses import Diagnoses
+from signlin_ros.nodes.diagnosing import Naming
+from signlin_ros.nodes.exchange import ModelExchange
 from signlin_ros.nodes.gather import Gathering
 from signlin_ros.nodes.joint import measured_states
 from signlin_ros.nodes.joints import refuse_arm
@@ -39,11 +39,10 @@ from signlin_ros.nodes.overrides import Overridable
 from signlin_ros.nodes.plotted import ScalarTopics
 from signlin_ros.nodes.qos import LATCHED, RECORD_QOS, RELIABLE
 from signlin_ros.nodes.runner import run
-from signlin_ros.records import write_record
+from signlin_ros.nodes.sources import STATE_OPTIONS, StateReader
 
 OPTIONS = {
-    "state_source": Overridable("array", "where states come from", choices=("array", "joint_state")),
-    "joint_name": Overridable("joint", "name of the joint in joint_states"),
+    **STATE_OPTIONS,
     "linearizer": Overridable(
         "linearizer", "name of the linearizer that is watched, and that a better model is given to"
     ),
@@ -66,7 +65,7 @@ GATHER_REST = 0.02
 """Seconds for which messages gather: nobody waits for what the monitor says."""
 
 
-class MonitorNode(ManagedNode):
+class MonitorNode(StateReader, ManagedNode):
     """Reads messages into `MonitorLogic`, publishes what comes out, and runs the diagnosis."""
 
     def __init__(self) -> None:
@@ -74,16 +73,12 @@ class MonitorNode(ManagedNode):
         refuse_arm(self.model, "monitor", INSTEAD)
         option = self.options
         self.logic: Any = None
-        self.diagnosis: DiagnosisProcess | None = None
-        self._planning: Planning | None = None
-        self._diagnosed: Path | None = None
         self._naming: Naming | None = None
         self._named: int | None = None
         self._changed_in = ""
-        self._better: Path | None = None
-        self._applied: list[str] = []
-        self._client: Any = None
-        self._folder = Path(option["folder"] or tempfile.mkdtemp(prefix="signlin_monitor_"))
+        self._exchange: Any = None
+        folder = Path(option["folder"] or tempfile.mkdtemp(prefix="signlin_monitor_"))
+        self._diagnoses = Diagnoses(folder, self._tell, self._tell_plan, self.get_logger().info)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._slow_timer = self.create_timer(1.0, self._on_second, clock=steady)
@@ -96,16 +91,23 @@ class MonitorNode(ManagedNode):
     def set_up(self) -> None:
         """Make the logic, the publishers and the services."""
         option = self.options
-        settings = MonitorSettings(option["keep"], option["window"], option["learn"], option["warn_above"])
+        judged = (option[name] for name in ("keep", "window", "learn", "warn_above", "ignore"))
+        settings = MonitorSettings(*judged)
+        Channels(self.model, settings.ignored)  # what is no channel is refused at the start
         self.logic = MonitorLogic(settings, self.now())
         self._plotted = ScalarTopics(self, option["plot"])
         self._errors = self.create_publisher(Float64MultiArray, "~/error", RELIABLE)
         self._verdicts = self.create_publisher(String, "~/verdict", LATCHED)
         self._plans = self.create_publisher(String, "~/plan", LATCHED)
         aside = ReentrantCallbackGroup()  # who waits for the linearizer's answer must not keep it, and all else, away
-        target = f"{option['linearizer']}/set_parameters"
-        self._client = self.create_client(SetParameters, target, callback_group=aside)
-        calls = {"diagnose": self._on_diagnose, "record": self._on_record, "experiment": self._on_experiment}
+        self._exchange = ModelExchange(self, option["linearizer"], aside)
+        calls = {
+            "diagnose": self._on_diagnose,
+            "cancel": self._on_cancel,
+            "reset": self._on_reset,
+            "record": self._on_record,
+            "experiment": self._on_experiment,
+        }
         self._made = [self.create_service(Trigger, f"~/{name}", call) for name, call in calls.items()]
         self._made += [
             self.create_service(Trigger, "~/apply", self._on_apply, callback_group=aside),
@@ -146,9 +148,9 @@ class MonitorNode(ManagedNode):
         for publisher in (getattr(self, n, None) for n in ("_errors", "_verdicts", "_plans")):
             if publisher is not None:
                 self.destroy_publisher(publisher)
-        if self._client is not None:
-            self.destroy_client(self._client)
-        self._client = None
+        if self._exchange is not None:
+            self._exchange.close()
+        self._exchange = None
         if self.logic is not None:
             self._plotted.close()
         self._made, self._errors, self._verdicts = [], None, None
@@ -160,10 +162,10 @@ class MonitorNode(ManagedNode):
         super().destroy_node()
 
     def _give_up(self) -> None:
-        for process in (self.diagnosis, self._naming, self._planning):
-            if process is not None:
-                process.stop()
-        self.diagnosis = self._naming = self._planning = None
+        self._diagnoses.stop()
+        if self._naming is not None:
+            self._naming.stop()
+        self._naming = None
 
     # ---------------------------------------------------------------- messages
 
@@ -188,6 +190,7 @@ class MonitorNode(ManagedNode):
             self._plotted.tell_update(update)
 
     def _take_input(self, message: Float64MultiArray, came: int) -> None:
+        self._has_input = True
         if self.logic.model is not None:
             self.logic.take_input(convert.read_input(message, self.logic.model), came)
 
@@ -210,13 +213,16 @@ class MonitorNode(ManagedNode):
                 return tuple(model.states)
         return None
 
-    def _take_joint_state(self, message: JointState, _: int) -> None:
+    def _take_joint_state(self, message: JointState, came: int) -> None:
         model = self.logic.model
         if model is None:
             return
-        joint = convert.read_joint(message, self.options["joint_name"])
+        joint, stamp = convert.read_joint(message, self.options["joint_name"]), self.stamp_of(message, came)
         values = joint if isinstance(joint, Refusal) else measured_states(model, joint)
-        self.logic.take_shown(values, convert.nanoseconds(message.header.stamp))
+        effort = None if isinstance(joint, Refusal) else self.effort_as_input(joint, self.logic.channels)
+        if effort is not None:
+            self.logic.take_input(np.array([effort]), stamp)
+        self.logic.take_shown(values, stamp)
 
     # ---------------------------------------------------------------- time
 
@@ -234,12 +240,11 @@ class MonitorNode(ManagedNode):
             self._plotted.tell_score(score)
         if alarm is not None:
             since = self.logic.alarm_stamp or 0
-            sentence = f"the machine has changed ({alarm.kind}), since {since / NANO:.2f} s"
+            sentence = f"the machine has changed, since {since / NANO:.2f} s; in what is not known yet"
             self.get_logger().warning(sentence)
-            self._tell({"state": "changed", "kind": alarm.kind, "since": since / NANO, "sentence": sentence})
+            self._tell({"state": "changed", "kind": "change", "since": since / NANO, "sentence": sentence})
         self._look_after_naming()
-        self._look_after_diagnosis()
-        self._look_after_plan()
+        self._diagnoses.look()
 
     def _on_second(self) -> None:
         if not self.active or self.logic is None:
@@ -250,18 +255,19 @@ class MonitorNode(ManagedNode):
             level=bytes([health.level]),
             name=f"{self.get_fully_qualified_name()}: model",
             message=health.message + (f"; {self._changed_in}" if self._changed_in else ""),
-            hardware_id=self.model.plant.name,
+            hardware_id=self.hardware_id,
             values=[KeyValue(key=key, value=value) for key, value in health.values.items()],
         )
         self._diagnostics.publish(DiagnosticArray(header=Header(stamp=convert.stamp_of(now)), status=[status]))
-        if self.diagnosis is not None:
-            self._tell_running(round(self.diagnosis.seconds, 1))
-
-    def _tell_running(self, seconds: float) -> None:
-        self._tell({"state": "running", "seconds": seconds, "sentence": f"a diagnosis is running, for {seconds:.0f} s"})
+        if self.logic.model is not None and self.logic.channels.sentence:
+            self.warn_once("channels", self.logic.channels.sentence)
+        self._diagnoses.tell_running()
 
     def _tell(self, verdict: dict[str, Any]) -> None:
         self._verdicts.publish(String(data=json.dumps(verdict)))
+
+    def _tell_plan(self, plan: dict[str, Any]) -> None:
+        self._plans.publish(String(data=json.dumps(plan)))
 
     def _look_after_naming(self) -> None:
         """Ask what has changed, once for each change, and tell the answer."""
@@ -302,93 +308,38 @@ class MonitorNode(ManagedNode):
     # ---------------------------------------------------------------- services
 
     def _on_diagnose(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if self.diagnosis is not None:
-            return _answer(response, False, "a diagnosis is running already")
-        try:
-            record = self.logic.record(since=self._since())
-            self.diagnosis = DiagnosisProcess(self.logic.model, record, self._new_folder("diagnosis"))
-        except (SignlinError, OSError) as error:
-            return _answer(response, False, str(error))
-        self._tell_running(0.0)
-        return _answer(response, True, f"{record.t[-1]:.1f} s of data; files in {self.diagnosis.folder}")
+        return _answer(response, *self._diagnoses.diagnose(self.logic, self._since()))
+
+    def _on_experiment(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        return _answer(response, *self._diagnoses.experiment())
+
+    def _on_cancel(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        return _answer(response, *self._diagnoses.cancel())
+
+    def _on_record(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        return _answer(response, *self._diagnoses.record(self.logic))
+
+    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Forget an alarm, and learn anew what is usual."""
+        had = self.logic.alarm is not None
+        self.logic.learn_anew(self.now())
+        self._ask_for_names(None)
+        sentence = f"{'the alarm is reset; ' if had else 'there was no alarm; '}what is usual is learnt anew"
+        self._tell({"state": "reset", "sentence": sentence})
+        return _answer(response, True, sentence)
 
     def _since(self) -> int:
         """Return from when on data are of one machine: since it changed, if that is long enough ago."""
         changed = self.logic.alarm_stamp
         return changed if changed is not None and self.now() - changed > MIN_TIME_SINCE_CHANGE * NANO else 0
 
-    def _look_after_diagnosis(self) -> None:
-        if self.diagnosis is None or self.diagnosis.running:
-            return
-        found, self.diagnosis = self.diagnosis, None
-        try:
-            verdict = found.result()
-        except SignlinError as error:
-            self._tell({"state": "failed", "why": str(error), "sentence": str(error)})
-            self.get_logger().warning(str(error))
-            return
-        self._better, self._diagnosed = found.better_file if found.better_file.is_file() else None, found.folder
-        files = {"model_file": str(self._better or ""), "report": str(found.report_file)}
-        self._tell({"state": "done", **files, **verdict})
-        self.get_logger().info(f"diagnosis: {verdict.get('verdict')}; {found.folder}")
-
-    def _on_experiment(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if self._diagnosed is None:
-            return _answer(response, False, "there is no diagnosis: call ~/diagnose first")
-        if self._planning is not None:
-            return _answer(response, False, "a plan is being made already")
-        self._planning = Planning(self._diagnosed)
-        self._plans.publish(String(data=json.dumps({"state": "running", "sentence": "a plan is being made"})))
-        return _answer(response, True, f"see ~/plan; files in {self._diagnosed}")
-
-    def _look_after_plan(self) -> None:
-        if self._planning is None or self._planning.running:
-            return
-        found, self._planning = self._planning, None
-        try:
-            plan = {"state": "done", "file": str(found.file), "report": str(found.report_file), **found.result()}
-        except SignlinError as error:
-            plan = {"state": "failed", "why": str(error), "sentence": str(error)}
-        self._plans.publish(String(data=json.dumps(plan)))
-        self.get_logger().info(f"plan: {plan['sentence']}")
-
     async def _on_apply(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if self._better is None:
+        if self._diagnoses.better is None:
             return _answer(response, False, "there is no better model: call ~/diagnose first")
-        answer = await self._give(str(self._better), response)
-        if answer.success:
-            self._applied.append(str(self._better))
-        return answer
+        return _answer(response, *await self._exchange.apply(str(self._diagnoses.better)))
 
     async def _on_revert(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if not self._applied:
-            return _answer(response, False, "no model was applied")
-        before = self._applied[-2] if len(self._applied) > 1 else ""
-        answer = await self._give(before, response)
-        if answer.success:
-            self._applied.pop()
-        return answer
-
-    async def _give(self, file: str, response: Trigger.Response) -> Trigger.Response:
-        """Let the linearizer take a model file, empty for the one that it began with."""
-        if not self._client.service_is_ready():
-            return _answer(response, False, f"{self.options['linearizer']} is not there")
-        request = SetParameters.Request(parameters=[Parameter("model_file", value=file).to_parameter_msg()])
-        (result,) = (await self._client.call_async(request)).results
-        return _answer(response, result.successful, result.reason or file or "the model that it began with")
-
-    def _on_record(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        try:
-            file = self._new_folder("record") / "record.mcap"
-            write_record(self.logic.record(), file, model=self.logic.model)
-        except (SignlinError, OSError) as error:
-            return _answer(response, False, str(error))
-        return _answer(response, True, str(file))
-
-    def _new_folder(self, what: str) -> Path:
-        folder = self._folder / f"{what}_{time.strftime('%Y%m%d_%H%M%S')}_{os.getpid()}"
-        folder.mkdir(parents=True, exist_ok=True)
-        return folder
+        return _answer(response, *await self._exchange.revert())
 
 
 def _answer(response: Trigger.Response, success: bool, message: str) -> Trigger.Response:

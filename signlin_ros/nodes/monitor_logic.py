@@ -16,9 +16,11 @@ from scipy.linalg import expm
 from signlin_ros.errors import InputError
 from signlin_ros.linearization import Linearization, Linearizer
 from signlin_ros.model import Model
+from signlin_ros.nodes.channels import Channels
 from signlin_ros.nodes.linearizer_logic import ERROR, LEVEL_OK, NANO, WARN, Health, Refusal, Update
 from signlin_ros.observe.detect import Alarm
 from signlin_ros.observe.naming import ObservedWindow, Question
+from signlin_ros.observe.steps import CERTAIN_SHARE
 from signlin_ros.observe.watch import Watch
 from signlin_ros.predict import without_dry_friction
 from signlin_ros.records import Record, Signal
@@ -31,16 +33,22 @@ NAMING_SPAN = 20 * NANO
 """Nanoseconds of data before and after a change that its name is taken from."""
 LEAST_FITTED = 5
 """Predictions that a fit is told of at least."""
+RIGHT_TO = 1 - CERTAIN_SHARE
+"""Share by which the equations of a model that is right may be off: so well are base parameters known by default."""
 
 
 @dataclass(frozen=True)
 class MonitorSettings:
-    """How the monitor judges: ``keep``, ``window``, ``learn`` in s, ``warn_above`` in multiples of the usual error."""
+    """How the monitor judges: ``keep``, ``window``, ``learn`` in s, ``warn_above`` in multiples of the usual error.
+
+    ``ignored``: channels that are left out (see `Channels`).
+    """
 
     keep: float = 120.0
     window: float = 10.0
     learn: float = 30.0
     warn_above: float = 3.0
+    ignored: str = ""
 
 
 @dataclass(frozen=True)
@@ -81,7 +89,11 @@ class MonitorLogic:
         """Take another model to watch with; what was seen stays, what is usual is learnt anew."""
         bare = without_dry_friction(model).with_options(operating_point="start")
         self._bare, self.bare_linearizer = bare, Linearizer(bare)
-        self.model = model
+        self.model, self.channels = model, Channels(model, self.settings.ignored)
+        self._forget_model(now)
+
+    def learn_anew(self, now: int) -> None:
+        """Forget an alarm, and learn anew what is usual; what was seen stays."""
         self._forget_model(now)
 
     def reset(self, now: int) -> None:
@@ -116,10 +128,12 @@ class MonitorLogic:
         if self._shown and stamp <= self._shown[-1][0]:
             self._refuse("repeated" if stamp == self._shown[-1][0] else "out_of_order")
             return
+        dead = self.channels.dead if self.model is not None else ()
+        shown = shown if self.model is None else self.channels.told(shown)
         self._shown.append((stamp, dict(shown)))
         if self.model is None or not shown:
             return
-        if self._watch is None or not set(shown) <= set(self._watch.channels):
+        if self.channels.dead != dead or self._watch is None or not set(shown) <= set(self._watch.channels):
             self._watch = Watch(
                 self.model, tuple(name for name in self.model.states if name in shown), self.settings.learn
             )
@@ -191,19 +205,23 @@ class MonitorLogic:
             self._seconds(begun) + record.t, measured, np.column_stack([record.signals[n].values for n in model.inputs])
         )
 
-    def record(self, model: Model | None = None, since: int = 0, until: int | None = None) -> Record:
+    def record(
+        self, model: Model | None = None, since: int = 0, until: int | None = None, most: int | None = None
+    ) -> Record:
         """Return the latest data as a record, from ``since`` to ``until`` in ns, and from the first input on.
 
-        The input of a row is its mean up to the next one: it may change in between. Raises `InputError` where nothing
-        was seen.
+        The input of a row is its mean up to the next one: it may change in between. Of more than ``most`` rows each
+        second, third ... is taken. Raises `InputError` where nothing was seen.
         """
         model = model or self.model
         since = max(since, self._inputs[0][0]) if self._inputs else since
         rows = [(stamp, shown) for stamp, shown in self._shown if since <= stamp and (until is None or stamp < until)]
         if model is None or len(rows) < 2 or not self._inputs:
             raise InputError("nothing to record yet: states and inputs must have come for a while")
+        rows = rows[:: max(1, -(-len(rows) // most))] if most else rows
         t = np.array([stamp - rows[0][0] for stamp, _ in rows]) / NANO
-        names = [name for name in model.states if any(name in shown for _, shown in rows)]
+        left = [name for name in model.states if name not in self.channels.dead]
+        names = [name for name in left if any(name in shown for _, shown in rows)]
         signals = {n: Signal(np.array([shown.get(n, np.nan) for _, shown in rows]), model.units[n]) for n in names}
         u = self._held(np.array([stamp for stamp, _ in rows]))
         inputs = {name: Signal(u[:, i], model.units[name]) for i, name in enumerate(model.inputs)}
@@ -228,6 +246,8 @@ class MonitorLogic:
             values["guard"] = "learning" if self._watch.trust is None else f"trusts the model to {self._watch.trust:g}"
             values["gaps"] = f"{self._watch.gaps}{', settling after one' if self._watch.settling else ''}"
             values["change"] = f"{100 * self._watch.detector.level:.0f} % of what calls a change"
+        if self.model is not None and self.channels.sentence:
+            values["channels"] = self.channels.sentence
         if self._judged and self.model is not None:
             score = self._score()
             for i, name in enumerate(self.model.states):
@@ -247,7 +267,31 @@ class MonitorLogic:
             worst = float(np.max(self._score().rms / np.maximum(self.usual_error, 1e-12)))
             if worst > self.settings.warn_above:
                 return WARN, f"predictions are {worst:.1f} times as wrong as usual"
-        return LEVEL_OK, "learning what is usual" if self._watch is None or self._watch.trust is None else "as usual"
+        if self._watch is None or self._watch.trust is None:
+            return LEVEL_OK, "learning what is usual"
+        return self._usual(self._watch.trust)
+
+    def _usual(self, trust: float) -> tuple[int, str]:
+        """Return what is said while all is as usual: also whether that is right, by the guard's trust and by the fit.
+
+        The guard is the likeliest of filters that take the model's equations for wrong by a share. Beyond what base
+        parameters are known to by default, that is not what a model which is right would leave.
+        """
+        fits = self._fits()
+        told = f"; over an update period {fits}" if fits else ""
+        dead = f"; {self.channels.sentence}" if self.channels.dead else ""
+        if trust > RIGHT_TO:
+            doubt = f"the model is not right: what it hears is about {100 * trust:.0f} % off its equations"
+            return WARN, f"as usual, but {doubt}{told}; ~/diagnose may say why{dead}"
+        level = WARN if dead else LEVEL_OK
+        return level, f"as usual; the model is right to about {100 * trust:g} %{told}{dead}"
+
+    def _fits(self) -> str:
+        """Return the fits of A_k and B_k over the window in words; empty where there are none."""
+        if not self._judged or self.model is None:
+            return ""
+        pairs = zip(self.model.states, self._score().fit.tolist(), strict=True)
+        return ", ".join(f"{name} fits to {fit:.0f} %" for name, fit in pairs if np.isfinite(fit))
 
     # ---------------------------------------------------------------- inside
 

@@ -42,6 +42,8 @@ MIN_EXPLAINED = 0.85
 """Share of what the squared innovations exceed the usual by, which a hypothesis must take away to be named."""
 DOUBTS = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0)
 """Trusts of the model that a hypothesis must be likelier than: that it is wrong in something, and nobody says what."""
+MIN_BLOCKS, ALLOWED_ERRORS = 8, 2.0
+"""Blocks of a second that tell whether a model is as good as it was, and by how many standard errors it may differ."""
 SHIFT_LEAD, CHANGE_TOLERANCE, CHANGE_MOMENT = 2.0, 0.1, 1e-9
 """Seconds before the change with which a shift of a sensor is seen; by how much the change may be dated wrongly; what
 comes that near counts as of one time."""
@@ -71,7 +73,7 @@ class Named:
 
 @dataclass(frozen=True)
 class Question:
-    """What `name_change` is asked, and whether a sensor has shifted: that leaves a model that is right again."""
+    """What `name_change` is asked; ``shifted``: whether the alarm had the trace of a sensor's shift, as others may."""
 
     model: Model
     before: ObservedWindow
@@ -82,8 +84,10 @@ class Question:
 
     def answer(self) -> list[Named]:
         """Return the changes that explain the data, the likeliest first; empty where none does."""
-        found = name_change(self.model, self.before, self.since, self.trust, self.noise)
-        return found or ([Named("sensor_offset", float("nan"), "", 0.0)] if self.shifted else [])
+        asked = (self.model, self.before, self.since, self.trust, self.noise)
+        found = name_change(*asked)
+        again = self.shifted and not found and _Scores(*asked).right_again
+        return [Named("sensor_offset", float("nan"), "", 0.0)] if again else found
 
 
 def name_change(
@@ -188,6 +192,29 @@ class _Scores:
     def usual(self) -> float:
         """The mean square of innovations before the change, 1 at least: what the filter holds for noise."""
         return max(self.was.squares / max(self.was.count, 1), 1.0)
+
+    @property
+    def right_again(self) -> bool:
+        """Whether the model is as good as it was once its state is found anew, as a shift leaves it and no force does.
+
+        The mean squares of innovations before and since the change, by batch means over blocks of a second, must not
+        differ by more than their standard error allows.
+        """
+        was, now = self._blocks(self.before), self._blocks(self.since)
+        if min(was.size, now.size) < MIN_BLOCKS:
+            return False
+        error = float(np.sqrt(was.var(ddof=1) / was.size + now.var(ddof=1) / now.size))
+        return bool(now.mean() - was.mean() <= ALLOWED_ERRORS * error)
+
+    def _blocks(self, data: ObservedWindow) -> Array:
+        """Return the mean squared innovation in each second of data, after the filter has found its state."""
+        try:
+            innovations = self._innovations(data.t, data.measured, data.u, self.model)
+        except SignlinError:
+            return np.array([])
+        seconds = np.floor(innovations.t - data.t[0] - NAMING_SETTLING)
+        squares = np.minimum(innovations.sizes**2, WILDEST)
+        return np.array([squares[seconds == k].mean() for k in np.unique(seconds[seconds >= 0])])
 
     @cached_property
     def doubted(self) -> float:

@@ -94,7 +94,7 @@ def test_1000_malformed_messages_in_process() -> None:
     period, updates = logic.period, []
     for k, message in enumerate(malformed(2000)):
         logic.take_state(convert.read_vector(message, 2), k * period)
-        logic.take_input(convert.read_vector(message, 1))
+        logic.take_input(convert.read_vector(message, 1), k * period)
         updates += logic.updates(k * period + period // 2)
     for update in updates:
         assert np.isfinite(convert.model_message(update).data).all()
@@ -102,5 +102,5 @@ def test_1000_malformed_messages_in_process() -> None:
     logic.take_state(np.array([0.1, 1.0]), 3000 * period)
     logic.updates(3000 * period)
     logic.take_state(np.array([0.1, 1.0]), 3001 * period)
-    logic.take_input(np.array([1.0]))
+    logic.take_input(np.array([1.0]), 3001 * period)
     assert logic.updates(3001 * period)[-1].result.x.tolist() == [0.1, 1.0]

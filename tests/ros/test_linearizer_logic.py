@@ -52,7 +52,7 @@ def test_each_update_is_the_core_s(logic: LinearizerLogic, motor: Model) -> None
     rng = np.random.default_rng(1)
     for k in range(1, 50):
         x, u = rng.normal(0, 10, 2), rng.normal(0, 2, 1)
-        logic.take_input(u)
+        logic.take_input(u, k * PERIOD - 5)
         logic.take_state(x, k * PERIOD - 5)
         (update,) = logic.updates(k * PERIOD)
         expected = reference(x, u)
@@ -66,6 +66,7 @@ def test_no_update_from_a_state_that_is_too_old(logic: LinearizerLogic) -> None:
     assert logic.health(19 * PERIOD).level == ERROR
     assert logic.updates(20 * PERIOD) == []
     logic.take_state(X, 20 * PERIOD)
+    logic.take_input(np.zeros(1), 20 * PERIOD)
     (update,) = logic.updates(21 * PERIOD)
     assert update.sequence == 3
     assert logic.health(21 * PERIOD).level == LEVEL_OK
@@ -143,7 +144,7 @@ def test_health_tells_what_was_refused_and_why(logic: LinearizerLogic) -> None:
     assert logic.health(PERIOD).level == WARN
     assert logic.health(4 * PERIOD).level == ERROR
     logic.take_state(Refusal("length", "3 values, not 2"), PERIOD)
-    logic.take_input(Refusal("layout", "sizes [2]"))
+    logic.take_input(Refusal("layout", "sizes [2]"), 0)
     logic.take_state(np.array([0.0, 25.0]), 4 * PERIOD)
     logic.updates(5 * PERIOD)
     health = logic.health(5 * PERIOD)
@@ -205,8 +206,9 @@ def test_a_measurement_beyond_all_numbers_is_refused(motor: Model) -> None:
     assert logic.refused == {"no_result": 1}
 
 
-def test_states_without_a_finite_model_are_an_error(motor: Model) -> None:
-    logic = LinearizerLogic(motor, 0)
+@pytest.mark.parametrize(("observer", "why"), [("none", "no finite"), ("kalman", "the observer's state ran away")])
+def test_states_without_a_finite_model_are_an_error(motor: Model, observer: str, why: str) -> None:
+    logic = LinearizerLogic(motor, 0, observer=observer)
     huge = {"effort": 1e308, "velocity": 1.0}  # a current that no number holds
     for k in range(1, 4):
         logic.take_measured(measured_states(motor, huge), stamp=k * PERIOD, now=k * PERIOD)
@@ -214,8 +216,9 @@ def test_states_without_a_finite_model_are_an_error(motor: Model) -> None:
     logic.take_measured(measured_states(motor, huge), stamp=3 * PERIOD + 1, now=3 * PERIOD + 1)
     health = logic.health(3 * PERIOD + 1)
     assert health.level == ERROR
-    assert "no model: no finite" in health.message
+    assert f"no model: {why}" in health.message
     logic.take_state(X, 4 * PERIOD - 1)
+    logic.take_input(np.zeros(1), 4 * PERIOD - 1)
     assert len(logic.updates(4 * PERIOD)) == 1
     assert logic.health(4 * PERIOD).level == LEVEL_OK
 

@@ -48,3 +48,14 @@ def test_lists_are_declared_changed_and_refused_as_a_whole(node):
         assert list(node.get_parameter(f"effects.{name}").value) == (before if words else value)
     assert node.logic.model.value("torque_ripple.A[1]") == 2.0
     assert node.logic.model.value("learned_force.values[3]") == 4.0
+
+
+def test_every_option_of_every_node_may_stand_in_a_model_file():
+    """What a node is given on its command line is read as a model first: an unknown key would end it."""
+    from signlin_ros.model.options import NODE_KEYS
+    from signlin_ros.nodes import controller, linearizer, managed, monitor
+    from sim_nodes import plant_simulator, play, replay
+
+    modules = (controller, linearizer, monitor, plant_simulator, play, replay)
+    options = {name for module in modules for name in module.OPTIONS} | set(managed.AUTOSTART)
+    assert options - set(NODE_KEYS) == set()

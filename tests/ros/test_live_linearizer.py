@@ -112,6 +112,40 @@ def test_position_alone_is_enough(graph: Any, tmp_path: Path) -> None:
     assert np.median(errors) < 0.01 * largest  # with messages that come unevenly, the more so beside other work
 
 
+def test_a_driver_that_leaves_stamps_empty_and_whose_effort_is_the_input(graph: Any, tmp_path: Path) -> None:
+    from diagnostic_msgs.msg import DiagnosticArray
+    from sensor_msgs.msg import JointState
+
+    model = Model.load("mass_spring_damper").with_options(operating_point="midpoint", update_period=0.05)
+    model.save(tmp_path / "mass.yaml")
+    source = ("state_source:=joint_state", "joint_name:=slide", "stamps:=reception", "state_timeout:=5.0")
+    process = graph.start("linearizer", *source, "input_timeout:=5.0", model=tmp_path / "mass.yaml", namespace="/left")
+    models, joints = graph.models("/left/linearizer"), graph.publisher(JointState, "/left/joint_states")
+    messages, sent = graph.collect(DiagnosticArray, "/diagnostics"), [0]
+
+    def publish(effort: float) -> None:
+        sent[0] += 1
+        message = JointState(name=["other", "slide"], position=[0.0, 0.01 * np.sin(0.1 * sent[0])])
+        message.velocity, message.effort = [0.0, 0.1 * np.cos(0.1 * sent[0])], [7.0, effort]
+        joints.publish(message)
+        joints.publish(JointState(name=["elsewhere"], position=[1.0]))  # of another publisher
+
+    def status(effort: float, text: str) -> Any:
+        def found() -> Any:
+            publish(effort)
+            told = [s for m in messages for s in m.status if s.name.startswith("/left/linearizer:")]
+            return next((s for s in told if text in s.message), None)
+
+        messages.clear()
+        return graph.wait(found, text)
+
+    without = status(0.0, "no input has come: linearized at the state itself")
+    assert (without.level, without.hardware_id) == (b"\x01", "left/slide")
+    assert status(2.0, "publishing").level == b"\x00"
+    assert convert.read_model(models[-1]).result.u == pytest.approx([2.0])
+    assert process.output.count("a message was refused") == 1
+
+
 def test_the_life_cycle_and_a_transition_that_is_refused(graph: Any) -> None:
     graph.start("plant_simulator", "input_signal:=sine")
     graph.start("linearizer", "update_period:=0.05", "autostart:=false")

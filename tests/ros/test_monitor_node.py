@@ -26,6 +26,10 @@ def trigger(graph: Any, service: str) -> Any:
     return graph.call(Trigger, f"/monitor/{service}", Trigger.Request())
 
 
+def states(verdicts: list[Any]) -> list[str]:
+    return [json.loads(message.data)["state"] for message in verdicts]
+
+
 def over_a_period(graph: Any, errors: list[Any], speed: int) -> float:
     """The median of the errors that come during the next period of the input."""
     errors.clear()
@@ -34,7 +38,8 @@ def over_a_period(graph: Any, errors: list[Any], speed: int) -> float:
 
 
 def median(errors: list[Any], speed: int) -> float:
-    return float(np.median([abs(message.data[3 + speed]) for message in errors]))
+    """The median of the errors; without bounds where none came, as on a busy machine that is compiling a model."""
+    return float("inf") if not errors else float(np.median([abs(message.data[3 + speed]) for message in errors]))
 
 
 @pytest.mark.slow
@@ -64,6 +69,11 @@ def test_what_is_found_is_applied_and_taken_back(graph: Any, tmp_path: Path) -> 
     assert not trigger(graph, "experiment").success
     plans = graph.collect(String, "/monitor/plan")
     graph.spin(3 * PERIOD)
+    assert not trigger(graph, "cancel").success
+    assert trigger(graph, "diagnose").success
+    assert not trigger(graph, "diagnose").success  # one at a time
+    assert trigger(graph, "cancel").success
+    graph.wait(lambda: "cancelled" in states(verdicts), "that it was cancelled", PATIENCE)
     asked = trigger(graph, "diagnose")
     assert asked.success, asked.message
     done = graph.wait(
@@ -72,6 +82,8 @@ def test_what_is_found_is_applied_and_taken_back(graph: Any, tmp_path: Path) -> 
         PATIENCE,
     )[-1]
     assert done["state"] == "done", done
+    running = [v for v in map(json.loads, (m.data for m in verdicts)) if v["state"] == "running"]
+    assert max(v["progress"] for v in running) > 0.0
     assert "coulomb_friction" in Model.load(done["model_file"]).effects
     planned = trigger(graph, "experiment")
     assert planned.success, planned.message
@@ -80,13 +92,16 @@ def test_what_is_found_is_applied_and_taken_back(graph: Any, tmp_path: Path) -> 
     speed, before = nominal.states.index("speed"), median(errors, nominal.states.index("speed"))
     applied = trigger(graph, "apply")
     assert applied.success, applied.message
+    assert "applied already" in trigger(graph, "apply").message
     # On a busy machine an input comes late now and then, and the period with it is worse than the model.
     graph.wait(lambda: over_a_period(graph, errors, speed) < before / 5, "the errors to fall to a fifth", 10 * PERIOD)
     assert trigger(graph, "record").success
     reverted = trigger(graph, "revert")
     assert reverted.success, reverted.message
-    assert over_a_period(graph, errors, speed) > before / 2
+    graph.wait(lambda: before / 2 < over_a_period(graph, errors, speed) < np.inf, "the errors as before", 10 * PERIOD)
     assert not trigger(graph, "revert").success
+    assert trigger(graph, "reset").success
+    graph.wait(lambda: states(verdicts)[-1] == "reset", "that what is usual is learnt anew")
 
 
 @pytest.mark.slow

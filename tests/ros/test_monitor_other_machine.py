@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -105,6 +106,13 @@ class Rig:
         self.gain = GAIN if what == "gain" else 1.0
 
 
+class Unmeasured(Rig):
+    """A driver that fills in an effort that it does not measure: 0 throughout."""
+
+    def shown(self) -> dict[str, float]:
+        return {**super().shown(), "current": 0.0}
+
+
 class Light(Rig):
     """The same machine without a weight, also in its model; a payload then brings one."""
 
@@ -177,6 +185,33 @@ def test_what_a_machine_does_most_is_named_with_its_size(what: str, name: str, v
 @pytest.mark.slow
 def test_a_change_that_no_hypothesis_holds_is_not_named() -> None:
     assert named(Rig(5), "cogging") == []
+
+
+@pytest.mark.slow
+def test_a_change_that_begins_like_a_shift_is_not_called_one_while_the_model_stays_wrong() -> None:
+    """Loads, weights and gains often begin with the trace of a shift; what is told must be true, or not be told."""
+    rig = Rig(6)
+    rig.go(AT)
+    rig.change("cogging")
+    rig.go(AT + SEEN)
+    question = rig.logic.question(round((AT + SEEN) * NANO))
+    assert question is not None
+    assert replace(question, shifted=True).answer() == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [5, 6])
+def test_an_effort_that_nobody_measures_hides_no_change(seed: int) -> None:
+    rig = Unmeasured(seed, channels=("position", "speed", "current"))
+    rig.go(AT)
+    health = rig.logic.health(round(AT * NANO))
+    assert "current 0 throughout" in health.message
+    assert rig.logic.alarm is None
+    rig.change("friction")
+    rig.go(AT + 3.0)
+    assert rig.logic.alarm is not None
+    assert rig.logic.alarm.onset == pytest.approx(AT, abs=0.2)
+    assert "current" not in rig.logic.record().signals
 
 
 @pytest.mark.slow

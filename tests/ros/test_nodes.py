@@ -155,9 +155,14 @@ def test_1000_malformed_messages(graph: Any) -> None:
     assert linearizer.stop() == 0
 
 
-def test_joint_states(graph: Any) -> None:
-    """By name; extra joints and other orders are fine; NaN, repeated and old stamps are not used."""
-    graph.start("linearizer", "state_source:=joint_state", "joint_name:=wheel", "update_period:=0.02")
+@pytest.mark.parametrize(("observer", "near"), [("none", 0.0), ("kalman", 0.1)])
+def test_joint_states(graph: Any, observer: str, near: float) -> None:
+    """By name; extra joints and other orders are fine; NaN, repeated and old stamps are not used.
+
+    An observer comes near to these speeds only: no motor jumps from one to another.
+    """
+    source = ("state_source:=joint_state", "joint_name:=wheel", f"observer:={observer}", "state_timeout:=5.0")
+    graph.start("linearizer", *source, "update_period:=0.02")
     models, diagnostics = graph.models(), graph.collect(DiagnosticArray, "/diagnostics")
     joints = graph.publisher(JointState, "/joint_states")
     K_t = Model.load("dc_motor").value("K_t")
@@ -172,7 +177,7 @@ def test_joint_states(graph: Any) -> None:
         joints.publish(message(*arguments, **named))
 
     graph.wait(lambda: publish([9.0, 3.0]) or models, "a model")
-    graph.wait(lambda: publish([4.0, 9.0], names="wheel arm") or _speed(models) == 4.0, "the other order")
+    graph.wait(lambda: publish([4.0, 9.0], names="wheel arm") or abs(_speed(models) - 4.0) <= near, "the other order")
     assert convert.read_model(models[-1]).result.x[0] == pytest.approx(1.0)
     stamp = convert.nanoseconds(message([0.0]).header.stamp)
     assert 0 <= stamp - convert.read_model(models[-1]).stamp < 10 * NANO
@@ -188,8 +193,8 @@ def test_joint_states(graph: Any) -> None:
     status = graph.diagnostics(diagnostics, "")
     refused = {v.key.split(": ")[1]: int(v.value) for v in status.values if v.key.startswith("refused: ")}
     assert set(refused) == {"missing", "not_finite", "stale", "repeated"}
-    assert {_speed([m]) for m in models} <= {3.0, 4.0}
-    graph.wait(lambda: publish([9.0, 5.0]) or _speed(models) == 5.0, "recovery")
+    assert all(min(abs(_speed([m]) - v) for v in (3.0, 4.0)) <= near for m in models)
+    graph.wait(lambda: publish([9.0, 5.0]) or abs(_speed(models) - 5.0) <= near, "recovery")
 
 
 def _speed(models: list[Any]) -> float:
@@ -534,7 +539,7 @@ def test_simulated_time_that_jumps_back(graph: Any) -> None:
             now[0] += NANO // 50
             clock.publish(Clock(clock=convert.stamp_of(now[0])))
             joints.publish(convert.joint_state("joint", {"velocity": speed, "effort": 0.0}, now[0]))
-            return bool(models) and _speed(models) == speed
+            return bool(models) and abs(_speed(models) - speed) < 0.01  # an observer comes near to it
 
         graph.wait(step, f"a model at {speed} rad/s")
 

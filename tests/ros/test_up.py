@@ -15,7 +15,10 @@ import pytest
 pytest.importorskip("rclpy", reason="ROS 2 is not installed: pip install 'signlin_ros[ros]'")
 
 from signlin_ros.errors import InputError
+from signlin_ros.model import find_model_file
 from sim_nodes.up import StartPlan
+
+ARM = Path(__file__).parents[2] / "config" / "arm" / "small_arm.yaml"
 
 
 def test_two_joints(graph: Any) -> None:
@@ -127,3 +130,41 @@ def test_a_node_ends_where_what_it_belongs_to_is_gone(graph: Any) -> None:
     process = graph.start("plant_simulator")
     graph.wait(lambda: not process.running, "its end")
     assert process.popen.returncode == 0
+
+
+def test_joints_with_models_names_and_limits_of_their_own(tmp_path: Path) -> None:
+    text = find_model_file("dc_motor").read_text()
+    (tmp_path / "limited.yaml").write_text(text + "    limit: 6.0\n")
+    models = ("left=dc_motor", f"right={tmp_path / 'limited.yaml'}", f"arm={ARM}")
+    given = ("left/joint_name=wheel_l", "right/joint_name=wheel_r", "left/monitor.learn=5.0", "update_period=0.1")
+    plan = StartPlan.of(models, parameters=given)
+    assert plan.namespaces == ("left", "right", "arm")
+    assert "joint_name:=wheel_l" in plan.arguments("linearizer", "left")
+    assert "joint_name:=wheel_r" in plan.arguments("controller", "right")
+    assert "joint_name:=wheel_l" not in plan.arguments("controller", "right")
+    assert "learn:=5.0" in plan.arguments("monitor", "left")
+    assert "learn:=5.0" not in plan.arguments("monitor", "right")
+    assert "update_period:=0.1" in plan.arguments("linearizer", "arm")
+    assert str(tmp_path / "limited.yaml") in plan.arguments("linearizer", "right")
+    assert plan.names("left") == ["plant_simulator", "linearizer", "monitor"]
+    assert plan.names("right") == ["plant_simulator", "linearizer", "monitor", "controller"]
+    assert plan.names("arm") == ["plant_simulator", "linearizer"]
+
+
+@pytest.mark.parametrize(
+    ("models", "namespaces", "words"),
+    [
+        (("dc_motor", "emps"), (), "NAMESPACE=MODEL for each joint"),
+        (("a=dc_motor", "a=emps"), (), "each namespace once"),
+        (("a=dc_motor",), ("b",), "has its namespace before it already"),
+    ],
+)
+def test_models_that_stand_for_no_joint_are_refused(models: Any, namespaces: Any, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        StartPlan.of(models, namespaces)
+
+
+def test_a_parameter_of_an_unknown_namespace_is_refused() -> None:
+    plan = StartPlan.of(("left=dc_motor", "right=dc_motor"), parameters=("rihgt/limit=3.0",))
+    with pytest.raises(InputError, match=r"'rihgt' is no namespace; there are: left, right.*did you mean 'right'"):
+        plan.names("left")

@@ -338,6 +338,34 @@ def test_a_model_that_was_looked_at_can_be_sent_to_another_process():
     assert again.states == states
 
 
+def test_without_an_effect_options_forget_the_states_that_go_with_it():
+    model = Model.from_dict(
+        {
+            **BASE,
+            "effects": {"coulomb_friction": {"mu": 0.02}, "gravity_load": {"A": 0.05}},
+            "sign_scale": 0.0,
+            "operating_range": {"current": 5.0, "speed": 40.0, "position": 6.3},
+            "state_weights": {"position": 2.0, "speed": 3.0},
+            "initial_state": {"position": 0.1},
+        }
+    )
+    model = model.with_effect("dahl_presliding")
+    own = [name for name in model.states if "." in name]
+    assert own
+    model = model.with_options(state_weights={**model.state_weights, **dict.fromkeys(own, 0.5)})
+    bare = model
+    for key in model.effects:
+        bare = bare.without_effect(key)
+    assert bare.states == ("current", "speed")
+    assert bare.operating_range == {"current": 5.0, "speed": 40.0}
+    assert (bare.state_weights, bare.initial_state) == ({"speed": 3.0}, {})
+    assert model.without_effect("coulomb_friction").operating_range == model.operating_range
+    alone = Model.from_dict(
+        {**BASE, "effects": {"gravity_load": {"A": 0.05}}, "sign_scale": 0.0, "operating_range": {"position": 6.3}}
+    )
+    assert alone.without_effect("gravity_load").sign_scale == 1.0
+
+
 def test_changes_return_new_models():
     model = Model.from_dict(BASE)
     more = model.with_effect("stribeck_friction", excess=0.5)
