@@ -33,7 +33,7 @@ NODE_KEYS = (
     *("state_source", "state_timeout", "input_timeout", "stamps", "ignore", "record", "rate", "loop", "publish_clock"),
     *("design", "track", "control_period", "limit", "loop_delay", "largest_speed", "bandwidth", "damping", "integral"),
     *("tolerance_at_rest", "floor", "friction_share", "turning", "reference_timeout", "model_timeout"),
-    "needs_model",
+    *("needs_model", "runaway", "after_loss"),
     *("autostart", "observer", "model_file", "linearizer", "keep", "window", "learn", "warn_above", "plot", "folder"),
 )
 """Keys of the nodes (docs/nodes), accepted by every verb."""

@@ -29,8 +29,8 @@ def test_two_joints(graph: Any) -> None:
     try:
         left, right = graph.models("/left/linearizer"), graph.models("/right/linearizer")
         graph.wait(lambda: len(left) > 3 and len(right) > 3, "models of both joints")
-        names = {name for name, space in graph.node.get_node_names_and_namespaces() if space == "/left"}
-        assert {"plant_simulator", "linearizer", "monitor"} <= names
+        wanted = {("plant_simulator", "/left"), ("linearizer", "/left"), ("monitor", "/left")}
+        graph.wait(lambda: wanted <= set(graph.node.get_node_names_and_namespaces()), "all nodes of a joint")
     finally:
         process.send_signal(signal.SIGINT)
         assert process.wait(60) == 0
