@@ -89,27 +89,37 @@ def reason_of(tests: ValidationTests, conflict: str = "") -> str:
     if tests.leaves_most or tests.loop:
         return "structure" if tests.leaves_most else "loop"
     if tests.evidence.force_shows(tests.final):
-        large = (
-            not tests.names
-            and max([tests.percent or 0.0, *tests.unpredicted]) > 100.0 * tests.criteria.min_missing_share
-        )
-        near = tests.evidence.near_noise(tests.final)
-        if large and tests.generalizes_badly:
-            return "elsewhere"
-        clean = tests.final.residual_is_noise and (not large or tests.follows)
-        noise = clean or (near and tests.final.white)
-        more = not tests.final.white and (tests.leaves_much_force or near or tests.changing or tests.has_idle_law())
-        more = more or (
-            tests.leaves_much_force and tests.leaves_much_motion and not tests.final.residual_is_noise
-        )  # untested is no proof
-        return "structure" if ((large or tests.flexible.visible) and not noise) or more else ""
+        return _reason_by_force(tests)
     if tests.dataset.plant.closed_loop and tests.evidence.near_noise(tests.final):
         return ""  # where a servo sticks, the steps of its encoder are no noise that could be tested
+    return _reason_by_motion(tests)
+
+
+def _reason_by_force(tests: ValidationTests) -> str:
+    """Return the reason where the force residual is above its noise floor: its size and structure count.
+
+    Without a named effect a residual from `min_missing_share` on must be tested noise, or near the sensors' and white;
+    with one, no more than a quarter of the force may be left with structure in the motion.
+    """
+    final, near = tests.final, tests.evidence.near_noise(tests.final)
+    largest = max([tests.percent or 0.0, *tests.unpredicted])
+    large = not tests.names and largest > 100.0 * tests.criteria.min_missing_share
+    if large and tests.generalizes_badly:
+        return "elsewhere"
+    noise = (final.residual_is_noise and (not large or tests.follows)) or (near and final.white)
+    seen = (large or tests.flexible.visible) and not noise
+    structured = not final.white and (tests.leaves_much_force or near or tests.changing or tests.has_idle_law())
+    untested = tests.leaves_much_force and tests.leaves_much_motion and not final.residual_is_noise
+    return "structure" if seen or structured or untested else ""
+
+
+def _reason_by_motion(tests: ValidationTests) -> str:
+    """Return the reason where no force residual is seen: the residual of the motion must be noise, or small."""
     noise = tests.evidence.residual_is_noise(tests.final) or tests.of_steps
     near = tests.evidence.near_any_noise(tests.final)
     if tests.names and not near and (noise or tests.percent is None):
-        told = not tests.leaves_much_motion or (tests.carries_over and not tests.generalizes_badly)
-        return "" if told else "elsewhere" if tests.generalizes_badly else "structure"
+        explained = not tests.leaves_much_motion or (tests.carries_over and not tests.generalizes_badly)
+        return "" if explained else "elsewhere" if tests.generalizes_badly else "structure"
     return "" if noise or tests.within_noise or tests.leaves_little_error else "structure"
 
 

@@ -18,6 +18,7 @@ import pytest
 from signlin_ros.console.comparison import _named
 from signlin_ros.diagnosis import selection, single_laws, summary
 from signlin_ros.diagnosis import validation as tests_module
+from signlin_ros.diagnosis import verdict as verdict_module
 from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA
 from signlin_ros.diagnosis.dataset import Dataset
 from signlin_ros.diagnosis.equation_error.flexible import Curve
@@ -28,7 +29,7 @@ from signlin_ros.diagnosis.output_error.score import generalizes_badly, improvem
 from signlin_ros.diagnosis.parts import without_untold
 from signlin_ros.diagnosis.selection import Selection, select_model
 from signlin_ros.diagnosis.validation import ValidationTests, force_percent
-from signlin_ros.diagnosis.verdict import Verdict, reason_of, verdict_of
+from signlin_ros.diagnosis.verdict import Verdict, verdict_of
 from signlin_ros.diagnosis.wording import phrases, verdicts
 from signlin_ros.diagnosis.wording.reasons import REASONS
 from signlin_ros.effects import EFFECTS
@@ -503,7 +504,8 @@ SAID = {
 
 
 def test_every_reason_has_its_row():
-    returns = ast.walk(ast.parse(textwrap.dedent(inspect.getsource(reason_of))))
+    sources = (verdict_module.reason_of, verdict_module._reason_by_force, verdict_module._reason_by_motion)
+    returns = [n for f in sources for n in ast.walk(ast.parse(textwrap.dedent(inspect.getsource(f))))]
     constants = [c for r in returns if isinstance(r, ast.Return) for c in ast.walk(r) if isinstance(c, ast.Constant)]
     assert {c.value for c in constants} - {""} == set(REASONS) == set(SAID)
 
