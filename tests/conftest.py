@@ -23,6 +23,10 @@ HERE = Path(__file__).parent
 YIELD = 15
 """How much nicer the tests without ROS are than those with it: these watch the clock of a live system, and what takes
 long in that gives way (`NICE` of nodes/diagnosing.py) to its own callbacks, not to other tests."""
+LONGEST = {line: place for place, line in enumerate((HERE / "longest.txt").read_text(encoding="utf-8").splitlines())}
+"""Diagnoses of more than 4 s of processor time (``SPENT`` of --junitxml), the longest first: begun last, one of them
+would keep a single processor busy at the end. Names that are not there any more do no harm.
+"""
 SPENT = "processor time"
 
 settings.register_profile("signlin", deadline=None)  # on a busy machine an example may take long: no failure
@@ -63,7 +67,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if _in_a_worker(config):
         for item in items:
             _give_group(item)
-        items.sort(key=_turn)  # ROS, then files, then what is handed out one by one and fills the gaps
+        items.sort(
+            key=_turn
+        )  # ROS, then files, then what is handed out one by one, the longest first, and fills the gaps
 
 
 def _give_group(item: pytest.Item) -> None:
@@ -75,10 +81,10 @@ def _give_group(item: pytest.Item) -> None:
         item.add_marker(pytest.mark.xdist_group(item.path.relative_to(HERE).as_posix()))
 
 
-def _turn(item: pytest.Item) -> int:
+def _turn(item: pytest.Item) -> tuple[int, int]:
     if item.get_closest_marker("ros"):
-        return 0
-    return 1 if item.get_closest_marker("xdist_group") else 2
+        return 0, 0
+    return (1, 0) if item.get_closest_marker("xdist_group") else (2, LONGEST.get(item.nodeid, len(LONGEST)))
 
 
 # -------------------------------------------------------------------- processor time
