@@ -19,8 +19,8 @@ SHARE = 0.5
 """Share of what a drive can do that an approach asks of it; the rest is left to reference and feedback."""
 LEAST_SHARE = 0.05
 """Share of the limit that is taken to be there for an acceleration, even where nothing seems to be left of it."""
-TIME_CONSTANTS = 4.0
-"""Time constants of the loop that an approach lasts at least."""
+TIME_CONSTANTS, SHORTEST = 4.0, 0.2
+"""Time constants of the loop, and s, that an approach lasts at least."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Reach:
         """Return what is left of the limit beside friction, load and the largest speed, halved."""
         left = task.limit - abs(c.kS) - abs(c.kG) - abs(c.kV) * task.speed
         strength = max(SHARE * left, LEAST_SHARE * task.limit)
-        return cls(SHARE * task.speed, strength / c.kA, TIME_CONSTANTS / bandwidth)
+        return cls(SHARE * task.speed, strength / c.kA, max(TIME_CONSTANTS / bandwidth, SHORTEST))
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.control.approach import Reach
+from signlin_ros.control.constants import Constants
 from signlin_ros.control.designs import DEFAULT_DESIGN, Design, Task, Tuning, default_tuning, find_design, known
 from signlin_ros.control.drive import Drive, friction_free
 from signlin_ros.control.foretell import ForetoldLoop
@@ -118,7 +119,12 @@ class Controller:
     @property
     def reach(self) -> Reach:
         """What a way back to the reference may ask of the drive."""
-        return Reach.of(known(self.model, self.task), self.task, self.bandwidth)
+        return Reach.of(self.constants, self.task, self.bandwidth)
+
+    @property
+    def constants(self) -> Constants:
+        """What the drive asks for, as constants."""
+        return known(self.model, self.task)
 
     def reset(self, measured: Array) -> None:
         """Forget what has been: the drive has a position and a speed (2,)."""

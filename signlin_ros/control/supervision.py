@@ -124,6 +124,12 @@ class Supervisor:
             return f"the drive runs away: speed {measured[1]:.3g}, at most {allowed:.3g} is in order here"
         return "" if self._since else self._swinging() or self._unanswered()
 
+    def may_begin(self, reference: Array, measured: Array) -> bool:
+        """Return whether a drive is slow enough to be driven, for the reference (3,) that is sent."""
+        least = STANDING if abs(reference[1]) <= self.still else SLOW
+        allowed = max((1.0 + self.share) * abs(float(reference[1])), least * self.task.speed)
+        return abs(float(measured[1])) <= allowed + NOISE_TIMES * self.noise.sigma
+
     def _look(self, last: _Moment) -> None:
         """Keep the largest speeds of the window, of reference and simulation; anew once in a while, for they fall."""
         self._since = (self._since + 1) % self._stride

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.control.approach import Approach
 from signlin_ros.control.controller import Controller, ControllerSettings
+from signlin_ros.control.prediction import DrivePrediction
 from signlin_ros.control.supervision import SpeedNoise, Supervisor
 from signlin_ros.errors import InputError
 from signlin_ros.estimate import CausalDerivative
@@ -99,6 +100,7 @@ class ControllerLogic:
         self.controller, self.model, self.settings = controller, controller.model, controller.settings
         self._ages = self.timeouts.in_ns(self.settings.period, self.model.update_period)
         settings = controller.settings
+        self.prediction = DrivePrediction(controller.constants)
         self.supervisor = Supervisor(
             controller.task, controller.bandwidth, settings.floor, settings.runaway, self._noise
         )
@@ -290,6 +292,7 @@ class ControllerLogic:
                 self.fault = self._why
         self.active = self.active or self._running
         self.u = u if self._running else 0.0
+        self.prediction.take(now, self.u)
         return np.array([self.u]) if self.active else None
 
     def resume(self) -> str:
@@ -314,6 +317,9 @@ class ControllerLogic:
             age = now - got.when
             if not -self._ages[name] <= age <= self._ages[name]:
                 return f"the {name} is {age / NANO:.3g} s old"
+        measured = self._got["state"].values
+        if not self._running and not self.supervisor.may_begin(self._got["reference"].values, measured):
+            return f"the drive is faster than its reference: {measured[1]:.3g}; waiting until it is not"
         return ""
 
     def _controlled(self, now: int) -> float:
@@ -322,7 +328,12 @@ class ControllerLogic:
         if not self._running:
             self._begin(reference, state, now)
         then, ahead = self._wanted(reference, state.when), self._wanted(reference, now)
-        u = self.controller.step(then, state.values, ahead)
+        oldest = now - round(self.controller.task.delay * NANO)
+        if state.when < oldest:  # the gains are made for what is not older: where is it by then?
+            seen = self.prediction.at(state.values, state.when, oldest)
+            u = self.controller.step(self._wanted(reference, oldest), seen, ahead)
+        else:
+            u = self.controller.step(then, state.values, ahead)
         fresh, self._used = state.when != self._used, state.when
         self.times.take_age(now - state.when)
         self.fault = self.supervisor.take(then, state.values, u, self.controller.foretold, fresh)

@@ -14,6 +14,23 @@ FOLLOWED = "SIGNLIN_FOLLOWED"
 _ROS = ("rclpy", "rcl_interfaces", "std_msgs", "sensor_msgs", "diagnostic_msgs", "rosgraph_msgs", "std_srvs")
 
 
+REALTIME = "SIGNLIN_REALTIME"
+"""Variable with a priority, 1 to 99, that nodes of the loop get before all that is not in real time (SCHED_RR)."""
+OF_THE_LOOP = ("controller", "plant_simulator")
+"""Nodes that other work on the machine must not keep waiting."""
+
+
+def _hurry(module: str) -> None:
+    """Give a node of the loop the priority that is asked for, and all threads that it starts; say where that fails."""
+    asked = os.environ.get(REALTIME, "")
+    if not asked or module.rpartition(".")[2] not in OF_THE_LOOP:
+        return
+    try:
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(int(asked)))
+    except (OSError, ValueError, AttributeError) as error:
+        sys.stderr.write(f"{REALTIME}={asked}: no priority ({error}); allowed: 1 to 99, where ulimit -r is as much\n")
+
+
 def start(module: str) -> int:
     """Run ``main()`` of a node's module and return its exit code; 2 where ROS 2 is not installed.
 
@@ -21,6 +38,7 @@ def start(module: str) -> int:
     """
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: os._exit(0))
+    _hurry(module)
     try:
         node = importlib.import_module(module)
     except ModuleNotFoundError as error:

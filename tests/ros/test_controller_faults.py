@@ -206,6 +206,18 @@ def test_states_that_say_how_old_they_are_count_as_none(seconds):
     assert "the state is" in world.message
 
 
+@pytest.mark.parametrize("seconds", [0.04, 0.055])
+@pytest.mark.parametrize("reference", [sine, constant])
+def test_states_that_say_how_old_they_are_are_brought_up_to_the_delay_of_the_design(seconds, reference):
+    heavier = MODEL.with_parameters(J=1.3 * MODEL.parameters["J"])
+    world = World(logic(), plant=heavier, reference=reference, deliver=delayed(seconds, told=True)).run(20.0)
+    assert world.logic.fault == ""
+    assert max(np.abs(world.speeds)) < 1.5 * 2.0
+    errors = np.array([reference(0.02 * k + 0.02 - seconds)[0] - v for k, v in enumerate(world.speeds)])
+    assert np.sqrt(np.mean(errors[200:] ** 2)) < 0.1 * 2.0
+    assert "older than the 0.02 s that the loop is made for" in world.message
+
+
 @pytest.mark.parametrize("parts", [12, 20, 40])
 def test_states_in_bursts_do_not_run_the_drive_away(parts):
     waiting: list[np.ndarray] = []
@@ -317,6 +329,18 @@ def test_after_nan_for_a_while_a_speed_is_approached_gently():
     assert max(np.abs(world.speeds[begun:])) < 1.5 * 2.0
     assert world.levels[-1] == LEVEL_OK
     assert "not_finite" in world.logic.refused
+
+
+def test_a_drive_that_is_too_fast_is_not_driven_before_it_has_slowed_down():
+    world = World(logic(), reference=constant)
+    world.machine = Stepper(MODEL, [0.0, 10.0])
+    world.run(0.1)
+    assert world.speeds[-1] > 1.5 * 2.0
+    assert not world.logic.active
+    assert "the drive is faster than its reference" in world.message
+    world.run(5.0)
+    assert world.largest_while_driven() == 0.0
+    assert world.levels[-1] == LEVEL_OK
 
 
 def swing(t: float) -> tuple[float, float, float]:

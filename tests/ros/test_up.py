@@ -168,3 +168,20 @@ def test_a_parameter_of_an_unknown_namespace_is_refused() -> None:
     plan = StartPlan.of(("left=dc_motor", "right=dc_motor"), parameters=("rihgt/limit=3.0",))
     with pytest.raises(InputError, match=r"'rihgt' is no namespace; there are: left, right.*did you mean 'right'"):
         plan.names("left")
+
+
+def test_a_node_of_the_loop_gets_the_priority_that_is_asked_for_and_no_other_one_does(tmp_path: Path) -> None:
+    script = """
+import os, sys
+from signlin_ros.nodes import start
+os.sched_setscheduler = lambda pid, policy, param: print(pid, policy == os.SCHED_RR, param.sched_priority)
+for module in ("sim_nodes.plant_simulator", "signlin_ros.nodes.controller", "signlin_ros.nodes.monitor"):
+    start._hurry(module)
+"""
+    for asked, said in (("20", "0 True 20\n" * 2), ("", "")):
+        env = {**os.environ, "SIGNLIN_REALTIME": asked}
+        run = subprocess.run([sys.executable, "-c", script], env=env, capture_output=True, text=True, check=True)
+        assert (run.stdout, run.stderr) == (said, "")
+    env = {**os.environ, "SIGNLIN_REALTIME": "soon"}
+    run = subprocess.run([sys.executable, "-c", script], env=env, capture_output=True, text=True, check=True)
+    assert "SIGNLIN_REALTIME=soon: no priority" in run.stderr
