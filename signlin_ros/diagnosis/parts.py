@@ -1,5 +1,5 @@
-"""What each part of a selection is worth: what validation data do not tell of, takes nothing away, or is not known, is
-no part of it.
+"""What each effect of a selection is worth: those that validation data cannot decide on, that lower no error, or whose
+size is not known, are left out.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ REMAINDER_REASONS = ("structure", "elsewhere")
 
 
 def without_untold(evidence: Evidence, verdict: Verdict) -> Verdict:
-    """Return the verdict on the base model where validation data do not tell of the selected one, and nothing is
-    missing without it.
+    """Return the verdict on the base model where validation data cannot decide on the selected one and the base is
+    adequate.
     """
     if not verdict.reason or not REASONS[verdict.reason].untold:
         return verdict
@@ -30,7 +30,7 @@ def without_untold(evidence: Evidence, verdict: Verdict) -> Verdict:
 
 
 def without_idle(evidence: Evidence, verdict: Verdict) -> Verdict:
-    """Return the verdict on the effects that tell: the weakest of the others is left out, and so on, each with why."""
+    """Return the verdict without the effects that lower no error: the weakest goes first, each with its reason."""
     dropped = dict[str, str]()
     while not (verdict.selection.conflict or verdict.reversed) and (found := _weakest(evidence, verdict)):
         name, why = found
@@ -42,7 +42,7 @@ def without_idle(evidence: Evidence, verdict: Verdict) -> Verdict:
 
 
 def _weakest(evidence: Evidence, verdict: Verdict) -> tuple[str, str] | None:
-    """Return the effect that tells least, and why it does not tell; None where all do."""
+    """Return the weakest effect to leave out, and the reason; None where all are needed."""
     found = dict[str, tuple[float, str]]()
     more = verdict.reason in REMAINDER_REASONS or not (verdict.reason or verdict.final.white)
     least = (
@@ -71,17 +71,17 @@ def _bent(evidence: Evidence, verdict: Verdict, name: str) -> str:
 
 
 def _asked(evidence: Evidence, verdict: Verdict, name: str) -> float:
-    """Return by how many of its own standard errors an effect is to differ from nothing: these hold what is not known
-    of the base model's scale too, so that fewer do for one that takes most of what is left without it away.
+    """Return the t ratio that an effect must have. Its standard error includes the uncertainty of the base model's
+    scale, so a smaller ratio does where it takes away most of the error that is left without it.
     """
     most = evidence.output_error.improvement(verdict.without[name], verdict.final).mse_reduction > HALF
     return evidence.criteria.min_validation_t if most else evidence.criteria.min_coefficient_t
 
 
 def _takes_nothing(evidence: Evidence, verdict: Verdict, without: FittedModel, left: bool) -> bool:
-    """Tell whether an effect takes away no more of what the base model leaves than a table shows, of no channel and of
-    no force; ``left``: more than noise is left, so that it must show beside that, and a base parameter that it frees is
-    no reason for it.
+    """Tell whether an effect lowers neither a channel's error nor the force residual by as much as a table shows.
+
+    ``left``: more than noise is left; then it must show beside that, and freeing a base parameter does not count.
     """
     final, base, c = verdict.final, verdict.base, evidence.criteria
     gone = without.validation_rmse**2 - final.validation_rmse**2

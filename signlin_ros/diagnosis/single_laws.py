@@ -1,7 +1,7 @@
-"""Every law of the catalogue by itself, fitted by simulation, before more than one of them is told.
+"""Every law of the catalogue by itself, fitted by simulation, before more than one of them is named.
 
-What forces show of a law depends on how its shape was found; a search that adds law to law may pass by the one that is
-enough. So each is fitted from all its starts, and the hopeless ones are given up after a few steps.
+A search that adds law to law may miss the single law that suffices. So each is fitted from all its starts; those that
+gain too little after a few steps are given up.
 """
 
 from __future__ import annotations
@@ -20,24 +20,24 @@ fitted to the end.
 
 
 def explains_to_noise(evidence: Evidence, f: FittedModel) -> bool:
-    """Tell whether a model leaves but noise, near the sensors' or at its own, with no base parameter far off."""
+    """Tell whether a model's residual is noise over windows too, with no base parameter far from nominal."""
     return evidence.near_any_noise(f) and f.residual_is_noise and not f.far_from_nominal(evidence.criteria)
 
 
 def needs_no_search(evidence: Evidence, f: FittedModel) -> bool:
-    """Tell whether a model needs no comparison with all single laws: one law at most, that leaves but noise."""
+    """Tell whether a model has one law at most and leaves only noise: then no other law is fitted."""
     return len(f.effects) < 2 and explains_to_noise(evidence, f)
 
 
 def fit_every_law(evidence: Evidence, now: FittedModel) -> list[FittedModel]:
-    """Return every law fitted by itself that comes near a proposal, or is among the best where there is none."""
+    """Return the fits of single laws that come near a proposal ``now``, or the best where there is none."""
     names = [n for n in EFFECTS if n in evidence.output_error.candidates - evidence.cache.from_all_starts]
     evidence.cache.keep(*_extended(evidence, evidence.base, names, now, MIN_GAIN_SHARE))
     return evidence.single_effect_fits
 
 
 def fit_families(evidence: Evidence, final: FittedModel) -> list[FittedModel]:
-    """Return models as good as a proposal with another law of the family in the place of one."""
+    """Return fits of a proposal with another law of the same family in the place of one."""
     found = list[FittedModel]()
     for name in final.effects if len(final.effects) > 1 else ():
         family = EFFECTS[name].family

@@ -75,8 +75,9 @@ def _parameters(evidence: Evidence, f: FittedModel) -> dict[str, ParameterEstima
 
 
 def _ranking(evidence: Evidence, verdict: Verdict) -> tuple[RankingEntry, ...]:
-    """Return every effect that may be missing, what is proposed first, with its status and why; then what does not
-    apply. Which of them have a row does not depend on the way of the search; numbers are those of the best fit of each.
+    """Return a row for every effect: those of the proposal, the others by their validation error, what does not apply.
+
+    Which effects have a row does not depend on the course of the search; numbers are those of each one's best fit.
     """
     single, laws = _fitted_alone(evidence), evidence.laws
     ties = {e: _ties(evidence, verdict, e) for e in verdict.names}

@@ -57,7 +57,7 @@ class Minima(Decisions):
     jobs: int = 1
 
     def in_parallel(self, do: Callable[[T], R], items: Sequence[T]) -> list[R]:
-        """Do a thing to each, side by side."""
+        """Return the results of a function for each item, computed by ``jobs`` threads."""
         return side_by_side(do, items, self.jobs)
 
     @property
@@ -66,14 +66,15 @@ class Minima(Decisions):
         return self.cache.best[()]
 
     def best(self, f: FittedModel) -> FittedModel:
-        """Return the best fit of a model that is known by now: a larger one may have shown the way out of a minimum."""
+        """Return the best fit known of a model's effects; it may change when other models are fitted."""
         return self.cache.best[f.kind]
 
     def _over_gains(self, c: Candidate, *starts: Array | None) -> Minimum | None:
+        """Return `fit_over_gains` of a candidate on the training data."""
         return fit_over_gains(self.short, c, starts, self.progress.check)
 
     def _keep(self, found: Minimum) -> FittedModel:
-        """Return a fit with all that is told of it, or the best of its class, if that is another one."""
+        """Put a fit into the cache if it is the best of its effects, and return the best one."""
         mine = self._fitted_model(found.fit, found.low)
         known = self.cache.best.get(mine.kind)
         if known is None or self._preferred(mine, known):
@@ -82,7 +83,7 @@ class Minima(Decisions):
         return self.cache.best[mine.kind]
 
     def _fitted_model(self, f: Fit, low: Fit) -> FittedModel:
-        """Return a fit with all that is told of it: errors are `window_squares`, what is left is that of ``low``."""
+        """Return the fitted model of a fit: errors by `window_squares`, residual tests of the fit ``low``."""
         f = with_positive_amplitudes(f)
         whole, errors, uses = CandidateParts.of(f).whole, covariances(self.short, f), f.candidate.model.effects
         coordinates = coordinates_of(f, errors)
