@@ -126,7 +126,7 @@ def planned(args: Args, say: Say, sides: Callable[[Args], Any]) -> dict[str, Any
     """
     from signlin_ros.experiment.verbs import experiment
 
-    say({"what": "reading the records", "share": 0.01})
+    say({"what": "planning: reading the records", "share": 0.01})
     model, first, second, _ = sides(args)
     content = trusted(args["diagnosis"], model.folder)
     plan = experiment(

@@ -22,6 +22,8 @@ Job = Callable[[], Coroutine[Any, Any, None]]
 FAULT = "This is a fault of signlin; please report it with the command and its files."
 MAX_PENDING_EVENTS = 500
 """Events that a page may be behind; then it is told to look at the state anew instead."""
+PLANNING = "planning"
+"""How what is told of a plan begins: its errors stand below the diagnosis, and have another advice."""
 GIVES_WAY = 5
 """By how much what takes long gives way to what is looked at, as `nice` counts."""
 
@@ -137,7 +139,8 @@ class Session:
                 self.errors[busy["stage"]] = {"what": "Cancelled.", "do": f"{kept}; start it again when you like."}
             except (RefusedError, InputError) as error:
                 self.code = getattr(error, "files", [])
-                self.errors[busy["stage"]] = stages.advice(busy["stage"], one_line(error), bool(self.code))
+                stage = "plan" if busy["what"].startswith(PLANNING) else busy["stage"]
+                self.errors[busy["stage"]] = stages.advice(stage, one_line(error), bool(self.code))
             except OSError as error:
                 what = f"{error.filename or self.project.place()}: {error.strerror or error}"
                 do = "Make room, or the right to write there, and try again."

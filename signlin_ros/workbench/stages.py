@@ -40,6 +40,7 @@ ADVICE = {
     "check": "Correct the mapping in Record, or drop another record.",
     "compare": "Correct the mapping in Record, or choose another model.",
     "diagnose": "Longer records with more reversals help; a second record helps to be sure.",
+    "plan": "Allow more, keep less margin, or choose two rivals.",
     "add": "Choose another effect, or undo.",
     "use": "Correct what is named, then export again.",
 }

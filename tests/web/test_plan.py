@@ -293,6 +293,9 @@ def test_names_of_rivals_files_are_safe() -> None:
 def test_a_tie_to_the_next_record_and_its_verdict_by_clicks(
     server: Callable[..., Server], browser: Callable[..., Page], one_way: Path, tmp_path: Path
 ) -> None:
+    from selenium.webdriver import Keys
+    from selenium.webdriver.support.ui import Select
+
     given_, page = server(str(one_way / "model.yaml"), str(one_way / "first.csv")), browser(1280, 900)
     page.open(given_.address)
     page.done("check")
@@ -300,11 +303,12 @@ def test_a_tie_to_the_next_record_and_its_verdict_by_clicks(
     page.done("diagnose")
     page.wait(lambda: page.driver.find_elements("id", "do-plan"), "the form")
     for name, value in (("voltage", "6"), ("speed", "60")):
-        from selenium.webdriver import Keys
-
         page.type(f"limit-{name}", Keys.CONTROL, "a", Keys.NULL, value)
+    for k, name in enumerate(("coulomb_friction", "constant_load")):
+        Select(page.driver.find_element("id", f"between-{k}")).select_by_value(name)
     page.picture("plan_1_form", "plan")
     page.press("do-plan")
+    page.done("diagnose")
     page.wait(lambda: page.driver.find_elements("css selector", "#plots-plan canvas"), "the command over time")
     page.still()
     says = page.driver.find_element("id", "plan-says").text
@@ -326,7 +330,7 @@ def test_a_tie_to_the_next_record_and_its_verdict_by_clicks(
 
 
 @pytest.mark.slow
-def test_a_plan_is_cancelled_and_nothing_is_changed(
+def test_a_plan_is_refused_or_cancelled_and_nothing_is_changed(
     client: Client, one_way: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A stored diagnosis of a tie is planned for by the server; the plan is stopped on its way."""
@@ -344,6 +348,11 @@ def test_a_plan_is_cancelled_and_nothing_is_changed(
     block = next(b for b in client.state(project)["stages"] if b["id"] == "diagnose")
     assert block["form"]["rivals"] == ["coulomb_friction", "constant_load"]
     assert client.act(project, "plan", limits={"voltage": "none"})[0] == 400
+    client.act(project, "plan", between=["nothing", "nonsense"])
+    block = next(b for b in client.settled(project)["stages"] if b["id"] == "diagnose")
+    assert block["error"]["what"].startswith("unknown effect 'nonsense'")
+    assert block["error"]["do"] == "Allow more, keep less margin, or choose two rivals."
+    assert block["done"]  # the diagnosis is still there
     assert client.act(project, "plan", limits={"voltage": "6"}, between=["coulomb_friction", "constant_load"])[0] == 200
     while not str((client.state(project)["busy"] or {"what": ""})["what"]).startswith("planning: "):
         assert client.state(project)["busy"], "it went by unseen"
