@@ -29,7 +29,7 @@ from signlin_ros.robots import inverse_dynamics, mass_matrix
 Array = NDArray[np.float64]
 SHARES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
 """Shares of a joint's largest speed at which its friction is listed."""
-REST_SPEED_SHARE = 1e-9
+ABOVE_REST_SHARE = 1e-9
 """Share of the largest speed that stands for just above standstill."""
 
 
@@ -111,7 +111,7 @@ def _joint(
     named = model.operating_range.get(f"{joint.name}.velocity") or dict(joint.limits).get("velocity", 0.0)
     most = speed or named or MAX_UNNAMED_SPEED
     speeds = most * np.array([*SHARES])
-    both = np.concatenate([[REST_SPEED_SHARE * most, -REST_SPEED_SHARE * most], speeds, -speeds])
+    both = np.concatenate([[ABOVE_REST_SHARE * most, -REST_SPEED_SHARE * most], speeds, -speeds])
     taken = friction(model, i, both, load, position) / gain
     unloaded = friction(model, i, both[:2], 0.0, position) / gain
     k = len(SHARES)
