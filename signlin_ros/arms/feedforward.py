@@ -111,7 +111,7 @@ def _joint(
     named = model.operating_range.get(f"{joint.name}.velocity") or dict(joint.limits).get("velocity", 0.0)
     most = speed or named or MAX_UNNAMED_SPEED
     speeds = most * np.array([*SHARES])
-    both = np.concatenate([[ABOVE_REST_SHARE * most, -REST_SPEED_SHARE * most], speeds, -speeds])
+    both = np.concatenate([[ABOVE_REST_SHARE * most, -ABOVE_REST_SHARE * most], speeds, -speeds])
     taken = friction(model, i, both, load, position) / gain
     unloaded = friction(model, i, both[:2], 0.0, position) / gain
     k = len(SHARES)
