@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from benchmarks.controllers.plants import Rig, corner, mismatched
 from benchmarks.controllers.search import ALWAYS, search
 from signlin_ros.control.designs import DEFAULT_DESIGN, DESIGNS, Design, Task, Tuning, default_tuning, feed_along
 from signlin_ros.control.drive import Drive
+from signlin_ros.control.holding import holding
 from signlin_ros.control.lqr import Weights
 from signlin_ros.control.reference import Profile
 from signlin_ros.control.tracking import TrackingBench, TrackingRun
@@ -88,9 +89,11 @@ class Stand:
         noise = self.trial.random(f"noise {what}").standard_normal((count, 2)) * np.array(self.trial.rig.noise)
         return TrackingBench(drive, profile, self.trial.period, self.trial.task.delay, noise)
 
-    def runs(self, design: Design, model: Model, tuning: Tuning) -> list[dict[str, TrackingRun]]:
-        """Return the runs of a design made from a model, by plant and reference."""
-        task = self.trial.task
+    def runs(
+        self, design: Design, model: Model, tuning: Tuning, task: Task | None = None
+    ) -> list[dict[str, TrackingRun]]:
+        """Return the runs of a design made from a model, by plant and reference; ``task``: what it believes."""
+        task = task or self.trial.task
         law = design.law(model, task, tuning)
         found = []
         for by_name in self.benches:
@@ -129,9 +132,9 @@ def tuned(trial: Trial, design: Design, model: Model) -> dict[str, Any]:
     return {"cost": found.cost, **measured(trial, design, model, found.tuning)}
 
 
-def measured(trial: Trial, design: Design, model: Model, tuning: Tuning) -> dict[str, Any]:
-    """Measure a design made from ``model`` with a tuning on the plants of the table."""
-    runs = Stand(trial, trial.measured_on, "table").runs(design, model, tuning)
+def measured(trial: Trial, design: Design, model: Model, tuning: Tuning, task: Task | None = None) -> dict[str, Any]:
+    """Measure a design made from ``model`` with a tuning on the plants of the table; ``task``: what it believes."""
+    runs = Stand(trial, trial.measured_on, "table").runs(design, model, tuning, task)
     return {"tuning": _plain(tuning), "runs": [_measured(trial, by_name) for by_name in runs]}
 
 
@@ -165,9 +168,10 @@ def _measured(trial: Trial, by_name: Mapping[str, TrackingRun]) -> dict[str, dic
 
 
 def untuned(trial: Trial) -> dict[str, Any]:
-    """Return the default design's result with the weights that the node takes by itself."""
-    tuning = default_tuning(trial.task.period, trial.task.delay)
-    return {"default, untuned": measured(trial, DESIGNS[DEFAULT_DESIGN], trial.rig.model, tuning)}
+    """Return the default design's result with the weights that the node takes by itself; it knows no delay exactly."""
+    design, model, task = DESIGNS[DEFAULT_DESIGN], trial.rig.model, replace(trial.task, least=trial.rig.model.delay)
+    tuning = holding(design, model, task, default_tuning(task.period, task.delay))
+    return {"default, untuned": measured(trial, design, model, tuning, task)}
 
 
 def all_designs(trial: Trial, names: Iterable[str] = tuple(DESIGNS)) -> dict[str, Any]:

@@ -34,8 +34,8 @@ LOWEST_FREQUENCY = 1e-3
 ANYWHERE = 1e-6
 """Distance from 1 within which a pole is no motion, but where something stands: what hysteresis remembers, or a spring
 that is held at speed 0."""
-HALVINGS = 14
-"""Halvings of the bracket of a bandwidth."""
+STEPS, HALVINGS = 25, 8
+"""Bandwidths that are tried from above, and halvings of the bracket of the largest that holds."""
 SLOWEST = 1e-2
 """The lowest bandwidth that is tried, as a multiple of 1 / (period + delay)."""
 
@@ -182,11 +182,14 @@ def _seen(M: Array, drive: LinearDrive, position: bool) -> list[int]:
 def largest_bandwidth(margins: Callable[[float], Margins], period: float, delay: float, high: float) -> float:
     """Return the largest bandwidth below ``high``, in rad/s, with which a loop holds, to three digits; 0: none does.
 
-    ``margins`` gives the margins at a bandwidth; those of a faster loop are taken for worse.
+    ``margins`` gives the margins at a bandwidth. Where a slow loop does not hold a faster one may: a load that would
+    fall. So it is looked for from above.
     """
-    low = SLOWEST / (period + delay)
-    if not margins(low).hold:
+    steps = np.geomspace(high, SLOWEST / (period + delay), STEPS)
+    held = next((k for k, bandwidth in enumerate(steps) if margins(float(bandwidth)).hold), None)
+    if held is None:
         return 0.0
+    low, high = float(steps[held]), float(steps[max(held - 1, 0)])
     for _ in range(HALVINGS):
         middle = math.sqrt(low * high)
         low, high = (middle, high) if margins(middle).hold else (low, middle)

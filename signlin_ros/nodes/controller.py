@@ -21,7 +21,9 @@ from std_srvs.srv import Trigger
 from signlin_ros.control.controller import Controller, ControllerSettings
 from signlin_ros.control.designs import DEFAULT_DESIGN, DESIGNS
 from signlin_ros.errors import InputError
+from signlin_ros.model import Model
 from signlin_ros.nodes import convert
+from signlin_ros.nodes.apart import MadeApart
 from signlin_ros.nodes.controller_logic import LONGEST_REFERENCE, ControllerLogic, Timeouts
 from signlin_ros.nodes.gather import Gathering
 from signlin_ros.nodes.joints import refuse_arm
@@ -122,6 +124,7 @@ class ControllerNode(ModelNode):
         self._latest = self._due = self._not_before = 0
         self._period = round(option["control_period"] * NANO)
         self._aside = ThreadPoolExecutor(1)
+        self._made: MadeApart | None = None
         self._coming: Future[Controller | InputError] | None = None
         backward = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True)
         self._jump = self.get_clock().create_jump_callback(backward, post_callback=self._on_jump)
@@ -160,7 +163,13 @@ class ControllerNode(ModelNode):
     def _on_yaml(self, message: String) -> None:
         model = self.logic.announce(message.data)
         if model is not None:
-            self._coming = self._aside.submit(self.logic.prepared, model)
+            self._coming = self._aside.submit(self._prepared, model)
+
+    def _prepared(self, model: Model) -> Controller | InputError:
+        """Return a controller for a model, or why there is none; what it takes to compile is compiled elsewhere."""
+        self._made = MadeApart(model, self.logic.settings)
+        self._made.wait()
+        return self.logic.prepared(model)
 
     def _on_period(self) -> None:
         if self.now() >= self._not_before:
@@ -190,6 +199,8 @@ class ControllerNode(ModelNode):
         if self.logic.active:
             self._input.publish(convert.vector([0.0], "input"))
         self._aside.shutdown(wait=False, cancel_futures=True)
+        if self._made is not None:
+            self._made.stop()
         super().destroy_node()
 
     # ---------------------------------------------------------------- time

@@ -119,3 +119,10 @@ def test_a_load_on_a_spring_counts():
     assert max(d.A.shape[0] for d in linear_drives(soft, asked)) == 5
     with pytest.raises(InputError, match="along_reference"):
         holding(DESIGNS["along_reference"], soft, asked, Tuning(Weights(1.0)), bandwidth=20.0)
+
+
+def test_what_holds_only_above_some_bandwidth_is_found():
+    """A weight that is not at rest where the drive stands has to be held: a loop that is too slow lets it fall."""
+    hanging = MODEL.with_options(with_position=True).with_effect("gravity_load", A=-0.05)
+    controller = Controller(hanging, ControllerSettings(limit=12.0, speed=5.0, position=True))
+    assert controller.bandwidth > 5.0

@@ -14,6 +14,10 @@ import pytest
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed: pip install 'signlin_ros[ros]'")
 
+from diagnostic_msgs.msg import DiagnosticArray
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
 from signlin_ros.errors import InputError
 from signlin_ros.model import find_model_file
 from sim_nodes.up import StartPlan
@@ -185,3 +189,20 @@ for module in ("sim_nodes.plant_simulator", "signlin_ros.nodes.controller", "sig
     env = {**os.environ, "SIGNLIN_REALTIME": "soon"}
     run = subprocess.run([sys.executable, "-c", script], env=env, capture_output=True, text=True, check=True)
     assert "SIGNLIN_REALTIME=soon: no priority" in run.stderr
+
+
+def test_with_joint_states_it_starts_tracks_and_says_so(graph: Any) -> None:
+    command = [sys.executable, "-m", "signlin_ros.cli", "ros", "up", "dc_motor", "-p", "controller.limit=12"]
+    command += ["-p", "state_source=joint_state", "--without", "monitor"]
+    with (graph.folder / "up.log").open("wb") as out:
+        process = subprocess.Popen(command, stdout=out, stderr=out, env=graph.env)
+    try:
+        graph.wait(lambda: graph.node.count_subscribers("/reference"), "the controller", 300.0)
+        reference, states = graph.publisher(Float64MultiArray, "/reference"), graph.collect(JointState, "/joint_states")
+        diagnostics = graph.collect(DiagnosticArray, "/diagnostics")
+        graph.node.create_timer(0.05, lambda: reference.publish(Float64MultiArray(data=[2.0, 0.0])))
+        assert graph.diagnostics(diagnostics, "tracking", "/controller").level in (b"\x00", b"\x01")
+        graph.wait(lambda: abs(states[-1].velocity[0] - 2.0) < 0.1, "the speed")
+    finally:
+        process.send_signal(signal.SIGINT)
+        assert process.wait(60) == 0
