@@ -163,6 +163,29 @@ def test_a_foreign_diagnosis_or_file_of_rivals_runs_no_code(one_way: Path, tmp_p
     assert not hacked.exists()
 
 
+def test_a_folder_of_somebody_else_with_a_plan_runs_no_code(client: Client, one_way: Path, tmp_path: Path) -> None:
+    text, hacked = foreign(tmp_path)
+    store, name = client.server.folder / ".signlin", "bbbbbbbbbbbb"
+    (store / name / "results").mkdir(parents=True)
+    for file in ("model.yaml", "first.csv"):
+        (store / name / file).write_bytes((one_way / file).read_bytes())
+    rivals_file(store / name, text)
+    plan = {"asked": None, "model": "model.yaml", "records": [], "names": ["mine"], "files": {}}
+    plan["files"] = {"rivals": "next_1.rivals.json"}
+    records = [{"file": "first.csv", "role": "estimation"}]
+    choices = {"model": "model.yaml", "records": records, "cures": [], "path": [], "planned": plan}
+    state = {"version": 1, "created": 0.0, "choices": choices, "past": [], "future": [], "count": 0}
+    (store / name / "state.json").write_text(json.dumps(state))
+    client.act(name, "check")
+    said = next(b for b in client.settled(name)["stages"] if b["id"] == "diagnose")
+    assert said["sentence"].startswith("Which rival of the plan is it?")
+    assert client.act(name, "diagnose")[0] == 200
+    shown = client.settled(name)
+    assert [Path(one["file"]).name for one in shown["code"]] == ["evil.py"]
+    assert "names code of its own" in next(b for b in shown["stages"] if b["id"] == "diagnose")["error"]["what"]
+    assert not hacked.exists()
+
+
 def test_a_dropped_file_of_rivals_may_name_no_code_at_all(client: Client, tmp_path: Path) -> None:
     text, hacked = foreign(tmp_path)
     project = client.project()
