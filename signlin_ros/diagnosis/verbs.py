@@ -10,6 +10,7 @@ from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA, Criteria
 from signlin_ros.diagnosis.dataset import Records, dataset_of
 from signlin_ros.diagnosis.discrimination import PlannedRival, discriminated, refitted
 from signlin_ros.diagnosis.evidence import evidence_of
+from signlin_ros.diagnosis.least_absolute import by_absolute_error
 from signlin_ros.diagnosis.output_error import FitCache
 from signlin_ros.diagnosis.output_error.trials import trials
 from signlin_ros.diagnosis.parts import without_idle, without_untold
@@ -68,6 +69,8 @@ def refine(
 ) -> Diagnosis:
     """Name up to `MAX_REFINE_EFFECTS` effects together; the last of the notes says why it stopped. See `diagnose`."""
     found = diagnose(model, data, validation, criteria=replace(criteria, max_effects=MAX_REFINE_EFFECTS), **options)
+    if model.plant.closed_loop:
+        found = by_absolute_error(found, model, dataset_of(model, data, validation).training.parts)
     added = len(found.ladder[-1].effects)
     note = phrases.stopped(added, MAX_REFINE_EFFECTS, found.verdict != "unexplained")
     return replace(found, notes=(*found.notes, note))

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from signlin_ros.diagnosis.dataset import Dataset
 from signlin_ros.diagnosis.evidence import Evidence
 from signlin_ros.diagnosis.results import listed
 from signlin_ros.diagnosis.verdict import Verdict
 from signlin_ros.effects import find_effect
+from signlin_ros.errors import joined
 
 ASKED_CONDITIONS = {"mass": "of the load", "kp": "of the loop"}
 """Conditions that another record changes, and what goes with them."""
@@ -50,6 +53,16 @@ def experiments(evidence: Evidence) -> list[str]:
         f"to tell {what[n]}: records with another {CALLED[n]} than {x:g}{_unit(evidence.dataset, n)}"
         for n, x in alike.items()
     ]
+
+
+def absolute(before: float, after: float, unit: str, written: Sequence[str]) -> str:
+    """Return what is said where the values in the file are those of least absolute errors: mean ones of both fits, and
+    what of the laws is written.
+    """
+    why = "free runs err rarely, and by much then, as where a servo sticks elsewhere than its model"
+    values = f"the file has the values of the least absolute error, {joined(list(written))}"
+    errs = f"it errs by {after:.3g} {unit} on average, with those of least squares in the tables by {before:.3g}"
+    return f"{why}: {values}; {errs}"
 
 
 def same(dataset: Dataset) -> dict[str, float]:
