@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from signlin_ros.diagnosis.least_absolute import by_absolute_error
+from signlin_ros.diagnosis.verbs import add
 from signlin_ros.fitting.absolute import heavy_tailed, least_absolute
 from signlin_ros.fitting.candidate import candidate
 from signlin_ros.fitting.following import follow_records
@@ -52,3 +54,17 @@ def test_a_tenth_of_wrong_samples_bends_least_squares_and_not_least_absolute_err
     assert {n: found[n] for n in truth} == pytest.approx(truth, rel=0.1)
     errors = follow_records(problem, c, theta, problem.observer_gains[-1], False)[0]
     assert heavy_tailed(errors)
+
+
+@pytest.mark.slow
+def test_the_file_of_a_servo_has_these_values_and_a_note_tells_of_both_fits():
+    model, data = servo().without_effect("coulomb_friction"), [record(200.0, 1, 0.3), record(400.0, 2, 0.3)]
+    found = add("coulomb_friction", model, data)
+    new = by_absolute_error(found, model, data)
+    squares, absolute = (one.model.effects["coulomb_friction"].parameters["mu"] for one in (found, new))
+    assert abs(absolute - 0.02) < min(0.002, abs(squares - 0.02))
+    assert new.parameters == found.parameters
+    assert f"mu: {absolute:.6g}" in new.yaml
+    (note,) = set(new.notes) - set(found.notes)
+    assert "free runs err rarely" in note
+    assert by_absolute_error(found, Model.load("dc_motor"), data) is found
