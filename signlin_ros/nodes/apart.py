@@ -18,7 +18,9 @@ if hasattr(os, "sched_setscheduler"):
     os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 os.nice(5)
 from signlin_ros.control.controller import Controller
-Controller(*pickle.load(sys.stdin.buffer))
+from signlin_ros.model import Model
+text, folder, settings = pickle.load(sys.stdin.buffer)
+Controller(Model.from_yaml(text, "model", folder), settings)
 """
 """What the process does, without the priority of the loop."""
 
@@ -27,7 +29,7 @@ class MadeApart:
     """A process that makes a controller of a model, started at once."""
 
     def __init__(self, model: Model, settings: ControllerSettings) -> None:
-        self._asked = pickle.dumps((model, settings))
+        self._asked = pickle.dumps((model.to_yaml(), model.folder, settings))
         pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
         self._process = subprocess.Popen([sys.executable, "-c", CODE], **pipes)  # type: ignore[call-overload]
 
