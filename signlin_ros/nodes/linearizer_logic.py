@@ -14,48 +14,19 @@ from numpy.typing import NDArray
 
 from signlin_ros.errors import InputError
 from signlin_ros.estimate import StateEstimator
-from signlin_ros.linearization import Linearization
 from signlin_ros.model import Model
 from signlin_ros.nodes.channels import Channels
 from signlin_ros.nodes.prepared import AT_START, Prepared
+from signlin_ros.nodes.told import ERROR, LEVEL_OK, NANO, WARN, Health, Refusal, Update
 from signlin_ros.observe import KalmanObserver
 from signlin_ros.sensors import Sensor
 
 Array = NDArray[np.float64]
-NANO = 1_000_000_000
-LEVEL_OK, WARN, ERROR = 0, 1, 2
 OBSERVERS = ("kalman", "none")
 """Where states that are not measured come from: the model, corrected by what is measured; or a parabola and the model
 alone."""
 MOST_LATE = 10
 """Periods that are made up for when the node was late itself; more were a jump of the clock."""
-
-
-@dataclass(frozen=True)
-class Refusal:
-    """Why a message is not used: a kind to count by, a detail for people, and of which of several joints."""
-
-    kind: str
-    detail: str
-    joint: str = ""
-
-
-@dataclass(frozen=True)
-class Update:
-    """One published model: the stamp of the state used (ns), the sequence from 0, and the matrices."""
-
-    stamp: int
-    sequence: int
-    result: Linearization
-
-
-@dataclass(frozen=True)
-class Health:
-    """How the linearizer is doing: a level (OK, WARN, ERROR), a sentence, and values to show."""
-
-    level: int
-    message: str
-    values: dict[str, str]
 
 
 @dataclass(frozen=True)
@@ -413,3 +384,17 @@ class LinearizerLogic:
             return 0.0
         span = (self._recent[-1] - self._recent[0]) / NANO
         return (len(self._recent) - 1) / span if span > 0 else 0.0
+
+
+__all__ = [
+    "ERROR",
+    "LEVEL_OK",
+    "MOST_LATE",
+    "NANO",
+    "OBSERVERS",
+    "WARN",
+    "Health",
+    "LinearizerLogic",
+    "Refusal",
+    "Update",
+]
