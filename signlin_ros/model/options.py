@@ -34,7 +34,19 @@ NODE_KEYS = (
     *("design", "track", "control_period", "limit", "loop_delay", "largest_speed", "bandwidth", "damping", "integral"),
     *("tolerance_at_rest", "floor", "friction_share", "turning", "reference_timeout", "model_timeout"),
     *("needs_model", "runaway", "after_loss"),
-    *("autostart", "observer", "model_file", "linearizer", "keep", "window", "learn", "warn_above", "plot", "folder"),
+    *(
+        "autostart",
+        "observer",
+        "model_file",
+        "linearizer",
+        "keep",
+        "window",
+        "learn",
+        "warn_above",
+        "most_rows",
+        "plot",
+        "folder",
+    ),
 )
 """Keys of the nodes (docs/nodes), accepted by every verb."""
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from signlin_ros.errors import SignlinError
-from signlin_ros.nodes.diagnosing import MOST_ROWS, DiagnosisProcess, Planning
+from signlin_ros.nodes.diagnosing import DiagnosisProcess, Planning
 from signlin_ros.nodes.monitor_logic import MonitorLogic
 from signlin_ros.records import write_record
 
@@ -23,11 +23,13 @@ class Diagnoses:
     Parameters
     ----------
     folder : where their files, and records, are written.
+    most_rows : of a record that is diagnosed: a fit takes as long as there are rows.
     tell, tell_plan : told of how a diagnosis and a plan stand, as mappings with ``state`` and ``sentence``.
     log : told of what has ended, in a sentence.
     """
 
-    def __init__(self, folder: Path, tell: Tell, tell_plan: Tell, log: Callable[[str], None]) -> None:
+    def __init__(self, folder: Path, most_rows: int, tell: Tell, tell_plan: Tell, log: Callable[[str], None]) -> None:
+        self._most_rows = most_rows
         self._folder, self._tell, self._tell_plan, self._log = folder, tell, tell_plan, log
         self.better: Path | None = None
         """The model that the last diagnosis found."""
@@ -42,7 +44,7 @@ class Diagnoses:
         if self._diagnosis is not None:
             return False, "a diagnosis is running already"
         try:
-            record = logic.record(since=since, most=MOST_ROWS)
+            record = logic.record(since=since, most=self._most_rows)
             if logic.model is None:
                 return False, "there is no model yet"
             self._diagnosis = DiagnosisProcess(logic.model, record, self._new_folder("diagnosis"))

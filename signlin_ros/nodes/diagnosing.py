@@ -27,8 +27,6 @@ POLITELY = f"import os, sys; os.nice({NICE}); from signlin_ros.%s import main; s
 
 STAGE = re.compile(r"^\s*(\d+) %  (.*)$", re.MULTILINE)
 """How a verb tells how far it is."""
-MOST_ROWS = 20_000
-"""Rows of a record that is diagnosed: a fit takes as long as there are rows, and so many tell what an encoder tells."""
 
 
 class DiagnosisProcess:

@@ -52,6 +52,12 @@ OPTIONS = {
         30.0, "time at the start, while all is well, in which is learnt what is usual [s]", 5.0, 86400.0
     ),
     "warn_above": Overridable(3.0, "multiple of the usual error of a prediction above which it warns", 1.0, 1e6),
+    "most_rows": Overridable(
+        20_000,
+        "rows of a record that is diagnosed, the newest: a fit takes as long as there are rows",
+        1000,
+        10_000_000,
+    ),
     "plot": Overridable(True, "single numbers with names on ~/plot/..., for PlotJuggler and Foxglove"),
     "folder": Overridable("", "where diagnoses and records are written; empty: a temporary folder"),
 }
@@ -78,7 +84,7 @@ class MonitorNode(StateReader, ManagedNode):
         self._changed_in = ""
         self._exchange: Any = None
         folder = Path(option["folder"] or tempfile.mkdtemp(prefix="signlin_monitor_"))
-        self._diagnoses = Diagnoses(folder, self._tell, self._tell_plan, self.get_logger().info)
+        self._diagnoses = Diagnoses(folder, option["most_rows"], self._tell, self._tell_plan, self.get_logger().info)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._slow_timer = self.create_timer(1.0, self._on_second, clock=steady)

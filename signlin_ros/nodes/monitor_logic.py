@@ -210,15 +210,15 @@ class MonitorLogic:
     ) -> Record:
         """Return the latest data as a record, from ``since`` to ``until`` in ns, and from the first input on.
 
-        The input of a row is its mean up to the next one: it may change in between. Of more than ``most`` rows each
-        second, third ... is taken. Raises `InputError` where nothing was seen.
+        The input of a row is its mean up to the next one: it may change in between. Of more than ``most`` rows the
+        newest are taken. Raises `InputError` where nothing was seen.
         """
         model = model or self.model
         since = max(since, self._inputs[0][0]) if self._inputs else since
         rows = [(stamp, shown) for stamp, shown in self._shown if since <= stamp and (until is None or stamp < until)]
         if model is None or len(rows) < 2 or not self._inputs:
             raise InputError("nothing to record yet: states and inputs must have come for a while")
-        rows = rows[:: max(1, -(-len(rows) // most))] if most else rows
+        rows = rows[-most:] if most else rows
         t = np.array([stamp - rows[0][0] for stamp, _ in rows]) / NANO
         left = [name for name in model.states if name not in self.channels.dead]
         names = [name for name in left if any(name in shown for _, shown in rows)]

@@ -15,7 +15,7 @@ import pytest
 pytest.importorskip("rclpy", reason="ROS 2 is not installed: pip install 'signlin_ros[ros]'")
 
 from signlin_ros.model import Model
-from signlin_ros.nodes.diagnoses import Diagnoses
+from signlin_ros.nodes import diagnoses
 from signlin_ros.nodes.diagnosing import DiagnosisProcess
 from signlin_ros.nodes.exchange import ModelExchange
 from signlin_ros.nodes.linearizer_logic import LEVEL_OK, NANO, WARN, Update
@@ -170,28 +170,33 @@ def test_a_diagnosis_tells_how_far_it_is_and_leaves_nothing_behind_when_it_is_ca
 
 def test_what_is_not_there_is_neither_planned_nor_cancelled_and_says_why(tmp_path: Path) -> None:
     told: list[Any] = []
-    diagnoses = Diagnoses(tmp_path, told.append, told.append, told.append)
-    logic = MonitorLogic(MonitorSettings(), 0)
-    assert diagnoses.diagnose(logic, 0) == (
-        False,
-        "nothing to record yet: states and inputs must have come for a while",
-    )
-    assert diagnoses.experiment() == (False, "there is no diagnosis: call ~/diagnose first")
-    assert diagnoses.cancel() == (False, "neither a diagnosis nor a plan is being made")
+    empty = diagnoses.Diagnoses(tmp_path, 20_000, told.append, told.append, told.append)
+    nothing = "nothing to record yet: states and inputs must have come for a while"
+    assert empty.diagnose(MonitorLogic(MonitorSettings(), 0), 0) == (False, nothing)
+    assert empty.experiment() == (False, "there is no diagnosis: call ~/diagnose first")
+    assert empty.cancel() == (False, "neither a diagnosis nor a plan is being made")
     assert told == []
 
 
-def test_a_record_of_many_rows_is_thinned_and_keeps_the_mean_of_its_inputs() -> None:
+def test_of_a_record_of_many_rows_the_newest_are_diagnosed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """How long a fit takes goes with the rows: 93 s at 500 Hz must not take minutes."""
     logic = MonitorLogic(MonitorSettings(), 0)
     logic.configure(MOTOR, 0)
     for k in range(1001):
         logic.take_input(np.array([float(k % 4)]), k * NANO // 500)
         logic.take_shown({"position": 0.001 * k}, k * NANO // 500)
-    whole, thinned = logic.record(), logic.record(most=300)
-    assert (len(whole), len(thinned)) == (1001, 251)
-    assert thinned.t == pytest.approx(whole.t[::4])
-    assert thinned.signals["voltage"].values[:-1] == pytest.approx(1.5)
+    whole, newest = logic.record(), logic.record(most=300)
+    assert (len(whole), len(newest)) == (1001, 300)
+    for name in ("voltage", "position"):
+        assert newest.signals[name].values == pytest.approx(whole.signals[name].values[-300:])
     assert len(logic.record(most=2000)) == 1001
+    asked: list[Record] = []
+    process = SimpleNamespace(folder=tmp_path, seconds=0.0, stage=(0.0, ""))
+    monkeypatch.setattr(diagnoses, "DiagnosisProcess", lambda model, record, folder: asked.append(record) or process)
+    done, said = diagnoses.Diagnoses(tmp_path, 300, print, print, print).diagnose(logic, 0)
+    assert done, said
+    assert len(asked[0]) == 300
+    assert "300 rows" in said
 
 
 # ------------------------------------------------------------------ usual is not right
