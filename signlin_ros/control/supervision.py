@@ -106,15 +106,18 @@ class Supervisor:
 
     # ---------------------------------------------------------------- faults
 
-    def take(self, reference: Array, measured: Array, u: float, foretold: Foretold | None, fresh: bool) -> str:
+    def take(
+        self, reference: Array, sent: float, measured: Array, u: float, foretold: Foretold | None, fresh: bool
+    ) -> str:
         """Take a period; return the fault that it shows, empty where there is none.
 
-        reference : (3,) position, speed, acceleration. measured : (2,) position and speed; ``fresh``: not seen before.
+        reference : (3,) position, speed, acceleration, with what is left of the way to the one that was ``sent``, of
+        which this is the speed. measured : (2,) position and speed; ``fresh``: not seen before.
         """
         position = self.task.position
         error = float(reference[0] - measured[0]) if position else float(reference[1] - measured[1])
         side = 0 if abs(u) < AT_LIMIT * self.task.limit else (1 if u > 0.0 else -1)
-        self._moments.append(_Moment(float(reference[1]), error, side, foretold))
+        self._moments.append(_Moment(max(abs(float(reference[1])), abs(sent)), error, side, foretold))
         self._look(self._moments[-1])
         way = self.bandwidth * abs(error) if position else 0.0
         allowed = self.allowed + way

@@ -336,7 +336,8 @@ class ControllerLogic:
             u = self.controller.step(then, state.values, ahead)
         fresh, self._used = state.when != self._used, state.when
         self.times.take_age(now - state.when)
-        self.fault = self.supervisor.take(then, state.values, u, self.controller.foretold, fresh)
+        sent = float(reference.values[1])
+        self.fault = self.supervisor.take(then, sent, state.values, u, self.controller.foretold, fresh)
         return u
 
     def _begin(self, reference: _Got, state: _Got, now: int) -> None:

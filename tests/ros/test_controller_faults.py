@@ -316,6 +316,17 @@ def test_after_a_fault_it_goes_on_only_when_it_is_asked_to():
 # --------------------------------------------------------------------------- restart
 
 
+def test_a_drive_that_is_ahead_on_the_way_to_its_reference_does_not_run_away():
+    """It may be as fast as half above what was sent, though the way there has only begun."""
+    world = World(logic(), reference=constant)
+    while not world.logic.active:
+        world.period()
+    world.machine = Stepper(MODEL, [0.0, 2.6])
+    world.run(5.0)
+    assert world.logic.fault == ""
+    assert world.levels[-1] == LEVEL_OK
+
+
 def test_after_nan_for_a_while_a_speed_is_approached_gently():
     world = World(logic(), reference=sine).run(5.0)
     world.broken = True
