@@ -312,18 +312,21 @@ def test_names_of_rivals_files_are_safe() -> None:
 # -------------------------------------------------------------------- in a browser
 
 
-@pytest.mark.long
-def test_a_tie_to_the_next_record_and_its_verdict_by_clicks(
-    server: Callable[..., Server], browser: Callable[..., Page], one_way: Path, tmp_path: Path
-) -> None:
+def tied(folder: Path, project: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Store a diagnosis of a project of a server in ``folder``, one that ends in a tie."""
+    monkeypatch.chdir(folder)
+    s = Session(Project(folder / ".signlin", project))
+    known = (("voltage", "V", 5.0), ("speed", "rad/s", 46.0))
+    limits = [{"name": name, "doc": "", "unit": unit, "value": value} for name, unit, value in known]
+    kept = {"json": {**tie(), "sentence": "A tie.", "notes": []}, "values": {}, "evidence": {}, "unseen": {}}
+    s.project.keep(s.project.key("diagnose", questions.question(s, "diagnose")), {**kept, "limits": limits})
+
+
+def planned_by_clicks(page: Page) -> str:
+    """Write limits, choose two rivals, plan; return what the plan says."""
     from selenium.webdriver import Keys
     from selenium.webdriver.support.ui import Select
 
-    given_, page = server(str(one_way / "model.yaml"), str(one_way / "first.csv")), browser(1280, 900)
-    page.open(given_.address)
-    page.done("check")
-    page.click("do-diagnose")
-    page.done("diagnose")
     page.wait(lambda: page.driver.find_elements("id", "do-plan"), "the form")
     for name, value in (("voltage", "6"), ("speed", "60")):
         page.type(f"limit-{name}", Keys.CONTROL, "a", Keys.NULL, value)
@@ -334,22 +337,60 @@ def test_a_tie_to_the_next_record_and_its_verdict_by_clicks(
     page.done("diagnose")
     page.wait(lambda: page.driver.find_elements("css selector", "#plots-plan canvas"), "the command over time")
     page.still()
-    says = page.driver.find_element("id", "plan-says").text
-    assert "would tell" in says
-    assert "coulomb friction" in says
     page.picture("plan_2_planned", "planned")
-    (project,) = (given_.folder / ".signlin").iterdir()
-    t, u = np.loadtxt(project / "next_1.csv", delimiter=",", skiprows=1).T
-    files = [recorded(tmp_path / f"{name}.csv", t, u, seed) for name, seed in (("run", 2), ("again", 3))]
+    return str(page.driver.find_element("id", "plan-says").text)
+
+
+def recorded_twice(page: Page, folder: Path, out: Path) -> None:
+    """Run the planned command on the machine twice, and drop the records."""
+    t, u = np.loadtxt(folder / "next_1.csv", delimiter=",", skiprows=1).T
     with page.settling():
-        page.drop(*files)
-    assert "Which rival of the plan is it?" in page.says("diagnose")
+        page.drop(*(recorded(out / f"{name}.csv", t, u, seed) for name, seed in (("run", 2), ("again", 3))))
+
+
+@pytest.mark.slow
+def test_a_stored_tie_is_planned_for_and_what_is_dropped_after_it_is_judged_by_its_rivals(
+    server: Callable[..., Server],
+    browser: Callable[..., Page],
+    one_way: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    started, page = server(str(one_way / "model.yaml"), str(one_way / "first.csv")), browser(1280, 900)
+    page.open(started.address)
+    page.done("check")
+    (project,) = (started.folder / ".signlin").iterdir()
+    tied(started.folder, project.name, monkeypatch)
+    page.driver.refresh()
+    page.wait(lambda: page.driver.find_elements("id", "plan"), "the stored diagnosis")
+    says = planned_by_clicks(page)
+    assert "would tell coulomb friction from constant load" in says
+    recorded_twice(page, project, tmp_path)
+    told = page.says("diagnose")
+    assert told.startswith("Which rival of the plan is it? coulomb friction and constant load are fitted to run.csv")
+    assert "--rivals" in page.stage("diagnose").find_element("css selector", ".command").text
+    with page.settling():
+        page.click("undo")
+    page.wait(lambda: page.driver.find_elements("id", "planned"), "the plan to be there again")
+    assert [m for m in page.driver.get_log("browser") if m["level"] == "SEVERE"] == []
+
+
+@pytest.mark.long
+def test_a_tie_to_the_next_record_and_its_verdict_by_clicks(
+    server: Callable[..., Server], browser: Callable[..., Page], one_way: Path, tmp_path: Path
+) -> None:
+    started, page = server(str(one_way / "model.yaml"), str(one_way / "first.csv")), browser(1280, 900)
+    page.open(started.address)
+    page.done("check")
+    page.click("do-diagnose")
+    page.done("diagnose")
+    assert "would tell" in planned_by_clicks(page)
+    (project,) = (started.folder / ".signlin").iterdir()
+    recorded_twice(page, project, tmp_path)
     page.click("do-diagnose")
     page.done("diagnose")
     assert "lacks coulomb friction" in page.says("diagnose")
-    assert "Refitted from the values of the plan" in page.says("diagnose")
     page.picture("plan_3_judged", "stage-diagnose")
-    assert [m for m in page.driver.get_log("browser") if m["level"] == "SEVERE"] == []
 
 
 @pytest.mark.slow
@@ -363,11 +404,7 @@ def test_a_plan_is_refused_or_cancelled_and_nothing_is_changed(
     client.act(project, "take", files=names)
     client.settled(project)
     folder = client.server.folder / ".signlin" / project
-    monkeypatch.chdir(client.server.folder)
-    s = Session(Project(client.server.folder / ".signlin", project))
-    limits = [{"name": "voltage", "doc": "", "unit": "V", "value": 5.0}]
-    kept = {"json": {**tie(), "sentence": "A tie.", "notes": []}, "values": {}, "evidence": {}, "unseen": {}}
-    s.project.keep(s.project.key("diagnose", questions.question(s, "diagnose")), {**kept, "limits": limits})
+    tied(client.server.folder, project, monkeypatch)
     block = next(b for b in client.state(project)["stages"] if b["id"] == "diagnose")
     assert block["form"]["rivals"] == ["coulomb_friction", "constant_load"]
     assert client.act(project, "plan", limits={"voltage": "none"})[0] == 400
