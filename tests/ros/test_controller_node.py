@@ -19,6 +19,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
+from std_srvs.srv import Trigger
 
 from signlin_ros.linearization import Linearizer
 from signlin_ros.model import Model
@@ -47,6 +48,7 @@ class Rig:
         self.process = graph.start("controller", *numbers, *parameters, model=model, sim_time=True)
         graph.wait(lambda: graph.node.count_subscribers("/state"), "the controller", PATIENCE)
         self.graph, self.plant, self.now, self.u = graph, Stepper(MODEL), 10 * NANO, 0.0
+        self.gain = 1.0
         self.inputs = graph.collect(Float64MultiArray, "/input")
         kinds = {"/reference": Float64MultiArray, "/state": Float64MultiArray, "/clock": Clock}
         self.publish = {topic: graph.publisher(kind, topic).publish for topic, kind in kinds.items()}
@@ -76,7 +78,7 @@ class Rig:
         while len(self.inputs) == count and monotonic() < end:  # before the first run nothing is sent
             self.graph.executor.spin_once(timeout_sec=0.01)
         error = v - float(self.plant.x[1])
-        self.plant.advance(PERIOD / NANO, [self.u])
+        self.plant.advance(PERIOD / NANO, [self.gain * self.u])
         self.u = float(self.inputs[-1].data[0]) if self.inputs else 0.0
         return error
 
@@ -104,8 +106,35 @@ def test_it_takes_the_model_of_the_linearizer_while_it_runs(graph, tmp_path):
     rig.rms(100)
     before = rig.rms(200)
     rig.yaml.publish(String(data=MODEL.to_yaml()))
+    graph.wait(lambda: rig.rms(200) < 0.6 * before, "the feed-forward of the new model", PATIENCE)
+
+
+def test_a_drive_that_runs_away_is_stopped_told_and_goes_on_when_it_is_asked_to(graph):
+    rig = Rig(graph)
     rig.rms(100)
-    assert rig.rms(200) < 0.6 * before
+    rig.gain = -1.0
+    diagnostics = graph.collect(DiagnosticArray, "/diagnostics")
+    graph.wait(lambda: [rig.tick() for _ in range(20)] and all(m.data[0] == 0.0 for m in rig.inputs[-20:]), "a stop")
+    assert abs(rig.plant.x[1]) < 3.0 * 3.0
+    status = graph.diagnostics(diagnostics, "stopped: the drive", "/controller")
+    assert status.level == b"\x02"
+    assert "~/resume" in status.message
+    rig.gain = 1.0
+    rig.rms(100)
+    assert {m.data[0] for m in rig.inputs[-20:]} == {0.0}
+    answer = graph.call(Trigger, "/controller/resume", Trigger.Request())
+    assert answer.success
+    assert "goes on after: the drive" in answer.message
+    rig.rms(50)
+    assert rig.rms(200) < 0.3 * 3.0 / np.sqrt(2)
+    assert not graph.call(Trigger, "/controller/resume", Trigger.Request()).success
+
+
+def test_a_bandwidth_that_does_not_hold_ends_the_node_with_the_largest_that_does(graph):
+    process = graph.start("controller", "limit:=12.0", "bandwidth:=30.0")
+    graph.wait(lambda: not process.running, "the end", PATIENCE)
+    assert process.popen.returncode == 2
+    assert "the largest that holds is 21.6 rad/s" in process.output
 
 
 def test_without_a_limit_it_does_not_start(graph):
