@@ -23,9 +23,10 @@ def rounded(model: Model, fitted: Mapping[str, ParameterEstimate]) -> Model:
 
 
 def yaml_of(model: Model, fitted: Mapping[str, ParameterEstimate], findings: Findings) -> str:
-    """Return the model file, with comments of where the fitted values came from."""
+    """Return the model file, with comments of where its values came from."""
     sources = ", ".join(dict.fromkeys(Path(source).name for source in findings.training))
-    lines = [f"# Fitted to {sources}; what follows ± is the standard error."]
+    lines, own = [f"# Fitted to {sources}; what follows ± is the standard error."], numbers(model)
+    fitted = {n: replace(p, value=own.get(n, p.value)) for n, p in fitted.items()}  # a servo's: of another criterion
     for line in model.to_yaml().splitlines():
         match = re.match(r"( *)([\w.]+):", line)
         key = match.group(2) if match else ""

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
 from signlin_ros.diagnosis.least_absolute import by_absolute_error
+from signlin_ros.diagnosis.proposal import printed
 from signlin_ros.diagnosis.verbs import add
 from signlin_ros.fitting.absolute import heavy_tailed, least_absolute
 from signlin_ros.fitting.candidate import candidate
@@ -64,7 +67,11 @@ def test_the_file_of_a_servo_has_these_values_and_a_note_tells_of_both_fits():
     squares, absolute = (one.model.effects["coulomb_friction"].parameters["mu"] for one in (found, new))
     assert abs(absolute - 0.02) < min(0.002, abs(squares - 0.02))
     assert new.parameters == found.parameters
-    assert f"mu: {absolute:.6g}" in new.yaml
+    text = printed(new, model, None, data).yaml
+    assert f"mu: {absolute:.6g}" in text
+    shown = re.search(r"coulomb_friction.mu: fitted, ([0-9.]+) ±", text)
+    assert shown
+    assert float(shown[1]) == pytest.approx(absolute, rel=1e-2)
     (note,) = set(new.notes) - set(found.notes)
     assert "free runs err rarely" in note
     assert by_absolute_error(found, Model.load("dc_motor"), data) is found
