@@ -19,7 +19,7 @@ SHARE = 0.5
 """Share of what a drive can do that an approach asks of it; the rest is left to reference and feedback."""
 LEAST_SHARE = 0.05
 """Share of the limit that is taken to be there for an acceleration, even where nothing seems to be left of it."""
-TIME_CONSTANTS, SHORTEST = 4.0, 0.2
+TIME_CONSTANTS, SHORTEST = 4.0, 0.5
 """Time constants of the loop, and s, that an approach lasts at least."""
 
 
