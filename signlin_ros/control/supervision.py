@@ -35,7 +35,9 @@ AT_LIMIT = 0.98
 SWINGS = 3
 """Changes from one limit to the other within the window that are a fault."""
 MOSTLY = 0.5
-"""Share of the window for which an input is at its limit that is told."""
+"""Share of the time for which an input at its limit is told, and an error far beyond what is foretold a fault."""
+LONG_WINDOWS = 4
+"""Windows over which the latter is counted: the integral action has had its time."""
 WORSE = 3.0
 """Multiple of the error that simulation foretells that is told."""
 VISIBLE = 0.1
@@ -101,7 +103,8 @@ class Supervisor:
     def reset(self) -> None:
         """Forget the loop, not the noise: it begins anew."""
         self._moments: deque[_Moment] = deque(maxlen=self.window)
-        self._beyond = self._since = self._astray = 0
+        self._beyond = self._since = 0
+        self._astray = 0.0
         self.peak = self._more = 0.0
 
     # ---------------------------------------------------------------- faults
@@ -158,17 +161,18 @@ class Supervisor:
         return f"the input swings between its limits, {swings} times within {span:.3g} s; simulation's {own} times"
 
     def _unanswered(self) -> str:
-        """Tell whether the error has been far beyond what is foretold for a window of windows, or for one at the limit
-        on one side.
+        """Tell whether the error has lately been far beyond what is foretold for most of the time, or for a window with
+        the input at its limit on one side.
         """
         if len(self._moments) < self.window:
             return ""
         wrong, own = self.errors
         beyond = wrong - WORSE * _known(own) - NOISE_TIMES * self._noise
-        self._astray = self._astray + self._stride if beyond > self.share * self._lag(SUPERVISED_TIME_CONSTANTS) else 0
+        weight = self._stride / (LONG_WINDOWS * self.window)
+        self._astray += weight * ((beyond > self.share * self._lag(SUPERVISED_TIME_CONSTANTS)) - self._astray)
         sides, foretold = {m.side for m in self._moments}, [self._side(m) for m in self._moments]
         stuck = len(sides) == 1 and 0 not in sides and self._share(foretold) <= MOSTLY and self._far
-        if self._astray < self.window and not stuck:
+        if self._astray < MOSTLY and not stuck:
             return ""
         where = ", the input at its limit" if stuck else ""
         return f"the drive does not follow: RMS error {wrong:.3g}, simulation foretells {own:.3g}{where}"
