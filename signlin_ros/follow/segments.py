@@ -22,8 +22,10 @@ MIN_PART_SAMPLES, MIN_SHARED_SAMPLES = LEAST_SAMPLES // 2, LEAST_SAMPLES // 4
 """Its parts between gaps, or several records, need half of them, or a quarter, where they have as many only together:
 what is simulated through a gap tells nothing.
 """
-MIN_STEP_SHARE = 0.5
-"""A channel is shown in steps if more than this share of the distances between its values are the same."""
+MIN_WHOLE_SHARE, WHOLE, MAX_STEPS_APART, MIN_STEP = 0.95, 0.1, 50, 1e-9
+"""A channel is shown in steps if this share of the distances between neighbouring values, of those up to so many steps,
+are whole multiples of one, to so much of it; the least step, as a share of the range.
+"""
 VELOCITY_SAMPLES, CONFIDENT = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256), 2.0
 """Samples that the first velocity is taken from, and half the width of its confidence interval in standard errors."""
 MAX_RATE_DISTANCE = 3.0
@@ -103,13 +105,20 @@ def constant_inputs(model: Model, data: Sequence[ModelData]) -> tuple[str, ...]:
 
 def quanta(segments: Sequence[PreparedSegment]) -> Array:
     """Return the step (ny) in which every channel is shown, 0 where there is none."""
-    found = []
-    for values in np.concatenate([s.y for s in segments]).T:
-        steps = np.diff(np.unique(values[np.isfinite(values)]))
-        step = float(np.median(steps)) if steps.size > 2 else 0.0
-        even = np.mean(np.abs(steps - step) < 0.01 * step) > MIN_STEP_SHARE
-        found.append(step if even else 0.0)
-    return np.array(found)
+    every = np.concatenate([s.y for s in segments])
+    return np.array([_step_shown(np.unique(values[np.isfinite(values)])) for values in every.T])
+
+
+def _step_shown(values: Array) -> float:
+    """Return the step between values (n,) in order, which a wide motion need not fill; 0 where there is none."""
+    steps = np.diff(values)
+    steps = steps[steps > MIN_STEP * (values[-1] - values[0])] if steps.size else steps
+    if steps.size < 2:
+        return 0.0
+    step = float(np.median(steps[steps < 1.5 * steps.min()]))
+    times = steps[steps < MAX_STEPS_APART * step] / step
+    whole = np.abs(times - np.round(times)) < WHOLE
+    return step if whole.mean() > MIN_WHOLE_SHARE and 2 * times.size > steps.size else 0.0
 
 
 def with_measured_position(model: Model, data: Sequence[ModelData]) -> Model:

@@ -12,6 +12,7 @@ import pytest
 
 from signlin_ros.diagnosis import add, diagnose
 from signlin_ros.diagnosis.comparison import compare
+from signlin_ros.follow.segments import PreparedSegment, quanta
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 
@@ -90,3 +91,12 @@ def test_friction_that_changes_along_the_way_is_not_given_a_name():
     uneven = dry(lambda q: 20.0 + 12.0 * np.sin(2 * np.pi * q / 0.04) * (q > 0))
     found = diagnose(known, *(moved(seed, uneven, 0.05, 0.5) for seed in (5, 6)))
     assert found.verdict == "unexplained"
+
+
+def test_steps_of_an_encoder_are_seen_where_a_wide_motion_does_not_fill_them():
+    """Over a hundred turns neighbouring values lie many steps apart: none was seen, and the steps counted as a force."""
+    t = np.arange(5000) * 0.004
+    turned, step = 300.0 * np.sin(0.7 * t) + 40.0 * np.sin(3.1 * t), 2 * np.pi / 4096
+    columns = [np.round(turned / step) * step, turned, np.random.default_rng(1).normal(size=t.size)]
+    record = PreparedSegment(t, np.zeros((t.size, 1)), np.column_stack(columns), {}, "record")
+    assert quanta([record]) == pytest.approx([step, 0.0, 0.0], rel=1e-3)
