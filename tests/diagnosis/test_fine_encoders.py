@@ -94,9 +94,9 @@ def test_friction_that_changes_along_the_way_is_not_given_a_name():
 
 
 def test_steps_of_an_encoder_are_seen_where_a_wide_motion_does_not_fill_them():
-    """Over a hundred turns neighbouring values lie many steps apart: none was seen, and the steps counted as a force."""
+    """Over many turns neighbouring values lie steps apart: none was seen, and the steps counted as a force."""
     t = np.arange(5000) * 0.004
-    turned, step = 300.0 * np.sin(0.7 * t) + 40.0 * np.sin(3.1 * t), 2 * np.pi / 4096
+    turned, step = 30.0 * np.sin(0.7 * t) + 4.0 * np.sin(3.1 * t), 2 * np.pi / 4096
     columns = [np.round(turned / step) * step, turned, np.random.default_rng(1).normal(size=t.size)]
     record = PreparedSegment(t, np.zeros((t.size, 1)), np.column_stack(columns), {}, "record")
     assert quanta([record]) == pytest.approx([step, 0.0, 0.0], rel=1e-3)
