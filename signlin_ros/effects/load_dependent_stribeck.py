@@ -7,7 +7,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from signlin_ros.effects.base import Effect
+from signlin_ros.effects.interest import MIN_SIZE_SHARE, Bounds, at_least, fading
 from signlin_ros.par import Par
+from signlin_ros.scale import Scale
 
 MIN_EXCESS = 0.02
 """Excess beneath which there is none to speak of."""
@@ -46,6 +48,10 @@ class LoadDependentStribeck(Effect):
     def simpler(cls, p: Mapping[str, float]) -> dict[str, dict[str, float]]:
         plain = {"kappa_d": p["kappa_d"], "kappa_e": p["kappa_e"]}
         return {"load_dependent_friction": plain} if p["excess"] < MIN_EXCESS else {}
+
+    @classmethod
+    def of_interest(cls, p: Mapping[str, float], scale: Scale) -> dict[str, Bounds]:
+        return {"excess": at_least(MIN_SIZE_SHARE), "v_s": fading(scale)}
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         load = p.kappa_d * m.abs(x.drive_force) + p.kappa_e * m.abs(x.external_force)
