@@ -34,7 +34,7 @@ LOWEST_FREQUENCY = 1e-3
 ANYWHERE = 1e-6
 """Distance from 1 within which a pole is no motion, but where something stands: what hysteresis remembers, or a spring
 that is held at speed 0."""
-STEPS, HALVINGS = 25, 8
+BANDWIDTH_STEPS, HALVINGS = 25, 8
 """Bandwidths that are tried from above, and halvings of the bracket of the largest that holds."""
 SLOWEST = 1e-2
 """The lowest bandwidth that is tried, as a multiple of 1 / (period + delay)."""
@@ -185,7 +185,7 @@ def largest_bandwidth(margins: Callable[[float], Margins], period: float, delay:
     ``margins`` gives the margins at a bandwidth. Where a slow loop does not hold a faster one may: a load that would
     fall. So it is looked for from above.
     """
-    steps = np.geomspace(high, SLOWEST / (period + delay), STEPS)
+    steps = np.geomspace(high, SLOWEST / (period + delay), BANDWIDTH_STEPS)
     held = next((k for k, bandwidth in enumerate(steps) if margins(float(bandwidth)).hold), None)
     if held is None:
         return 0.0

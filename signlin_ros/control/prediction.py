@@ -15,9 +15,9 @@ from signlin_ros.control.constants import Constants
 
 Array = NDArray[np.float64]
 NANO = 1_000_000_000
-KEPT = 200
+KEPT_INPUTS = 200
 """Inputs that are kept."""
-STEPS = 4
+STEPS_OF_INPUT = 4
 """Steps of an input's time."""
 
 
@@ -26,7 +26,7 @@ class DrivePrediction:
 
     def __init__(self, constants: Constants) -> None:
         self._constants = constants
-        self._inputs: deque[tuple[int, float]] = deque(maxlen=KEPT)
+        self._inputs: deque[tuple[int, float]] = deque(maxlen=KEPT_INPUTS)
 
     def take(self, now: int, u: float) -> None:
         """Take an input that acts from now on."""
@@ -37,10 +37,10 @@ class DrivePrediction:
         q, v = float(measured[0]), float(measured[1])
         times = [max(when, since) for when, _ in self._inputs] + [until]
         for k, (_, u) in enumerate(self._inputs):
-            h = (min(times[k + 1], until) - times[k]) / NANO / STEPS
+            h = (min(times[k + 1], until) - times[k]) / NANO / STEPS_OF_INPUT
             if h <= 0.0:
                 continue
-            for _ in range(STEPS):
+            for _ in range(STEPS_OF_INPUT):
                 before, v = v, self._moved(q, v, u, h)
                 q += h * (before + v) / 2.0
         return np.array([q, v])

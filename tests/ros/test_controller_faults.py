@@ -132,7 +132,7 @@ def test_where_nothing_is_wrong_nothing_stops(plant, reference, noise):
     def noisy(world: World, x: np.ndarray) -> list[tuple[np.ndarray, int]]:
         return [(x + noise * random.standard_normal(x.size), world.now)]
 
-    world = World(logic(), plant=plant, reference=reference, deliver=noisy).run(20.0)
+    world = World(logic(), plant=plant, reference=reference, deliver=noisy).run(8.0)
     assert ERROR not in world.levels
     assert world.logic.stops == 0
     assert max(np.abs(world.speeds)) < 1.5 * 2.0
@@ -187,12 +187,12 @@ def delayed(seconds: float, told: bool) -> Callable[[World, np.ndarray], list[tu
 @pytest.mark.parametrize("seconds", [0.05, 0.1, 0.2, 0.5])
 @pytest.mark.parametrize("reference", [sine, constant])
 def test_states_that_are_delayed_and_do_not_say_so_do_not_run_the_drive_away(seconds, reference):
-    world = World(logic(), reference=reference, deliver=delayed(seconds, told=False)).run(20.0)
+    world = World(logic(), reference=reference, deliver=delayed(seconds, told=False)).run(8.0)
     assert world.largest_while_driven() == 0.0
 
 
 def test_states_that_are_queued_do_not_run_the_drive_away():
-    world = World(logic(), reference=constant, deliver=queued(50, every=2)).run(30.0)
+    world = World(logic(), reference=constant, deliver=queued(50, every=2)).run(12.0)
     assert world.largest_while_driven() == 0.0
     assert world.logic.fault
     assert world.levels[-1] == ERROR
@@ -210,7 +210,7 @@ def test_states_that_say_how_old_they_are_count_as_none(seconds):
 @pytest.mark.parametrize("reference", [sine, constant])
 def test_states_that_say_how_old_they_are_are_brought_up_to_the_delay_of_the_design(seconds, reference):
     heavier = MODEL.with_parameters(J=1.3 * MODEL.parameters["J"])
-    world = World(logic(), plant=heavier, reference=reference, deliver=delayed(seconds, told=True)).run(20.0)
+    world = World(logic(), plant=heavier, reference=reference, deliver=delayed(seconds, told=True)).run(10.0)
     assert world.logic.fault == ""
     assert max(np.abs(world.speeds)) < 1.5 * 2.0
     errors = np.array([reference(0.02 * k + 0.02 - seconds)[0] - v for k, v in enumerate(world.speeds)])
@@ -230,7 +230,7 @@ def test_states_in_bursts_do_not_run_the_drive_away(parts):
         waiting.clear()
         return found
 
-    world = World(logic(), reference=constant, deliver=bursts).run(20.0)
+    world = World(logic(), reference=constant, deliver=bursts).run(10.0)
     assert max(np.abs(world.speeds)) < 1.5 * 2.0
 
 
@@ -256,9 +256,9 @@ def test_a_starved_executor_begins_anew_from_where_the_drive_is():
             until = world.now + int(random.uniform(0.05, 0.4) * NANO)
         return world.now >= until
 
-    world = World(logic(), reference=constant, awake=seldom).run(60.0)
-    assert world.logic.times.late > 50
-    assert world.logic.stops > 20
+    world = World(logic(), reference=constant, awake=seldom).run(30.0)
+    assert world.logic.times.late > 25
+    assert world.logic.stops > 10
     assert "this node was held up" in world.logic.last_stop
     assert max(np.abs(world.speeds)) < 1.5 * 2.0
     assert ERROR not in world.levels
@@ -277,7 +277,7 @@ def _messages(world: World, periods: int) -> list[str]:
 
 
 def test_an_input_that_acts_later_than_designed_is_a_fault_before_the_drive_runs_away():
-    world = World(logic(), reference=constant, late=24).run(20.0)  # six periods
+    world = World(logic(), reference=constant, late=24).run(8.0)  # six periods
     assert world.logic.fault
     assert world.largest_while_driven() == 0.0
     assert world.levels[-1] == ERROR
@@ -289,7 +289,7 @@ def test_an_input_that_acts_later_than_designed_is_a_fault_before_the_drive_runs
 )
 @pytest.mark.parametrize("reference", [sine, constant])
 def test_an_input_that_is_dead_or_of_another_sign_or_size_stops_the_drive_and_is_told(act, words, reference):
-    world = World(logic(), reference=reference, act=act).run(30.0)
+    world = World(logic(), reference=reference, act=act).run(12.0)
     assert world.logic.fault
     assert words in world.message
     assert world.levels[-1] == ERROR
