@@ -32,6 +32,7 @@ from signlin_ros.nodes.overrides import Overridable
 from signlin_ros.nodes.parameters import ModelNode, on_change
 from signlin_ros.nodes.qos import LATCHED, NEWEST, RELIABLE
 from signlin_ros.nodes.runner import run
+from signlin_ros.nodes.sources import STATE_OPTIONS, StateReader
 
 OPTIONS = {
     "design": Overridable(DEFAULT_DESIGN, "how the input is made", choices=tuple(DESIGNS), read_only=False),
@@ -59,8 +60,7 @@ OPTIONS = {
     "turning": Overridable(
         1.0, "share of the integral action that turns with the direction of motion [-]", 0.0, 100.0, read_only=False
     ),
-    "state_source": Overridable("array", "where states come from", choices=("array", "joint_state")),
-    "joint_name": Overridable("joint", "name of the joint in joint_states"),
+    **STATE_OPTIONS,
     "state_timeout": Overridable(0.0, "age of the state [s] that stops the drive; 0: three control periods", 0.0, 1e6),
     "reference_timeout": Overridable(0.0, "age of the reference [s] that stops the drive; 0: 0.5 s", 0.0, 1e6),
     "model_timeout": Overridable(0.0, "age of the model [s] that stops the drive; 0: three update periods", 0.0, 1e6),
@@ -98,7 +98,7 @@ def settings_of(options: dict[str, Any]) -> ControllerSettings:
     )
 
 
-class ControllerNode(ModelNode):
+class ControllerNode(StateReader, ModelNode):
     """Reads messages into `ControllerLogic` and publishes what comes out."""
 
     def __init__(self) -> None:
@@ -108,7 +108,9 @@ class ControllerNode(ModelNode):
         option = self.options
         timeouts = Timeouts(option["state_timeout"], option["reference_timeout"], option["model_timeout"])
         waits = option["after_loss"] == "waits_for_resume"
-        self.logic = ControllerLogic(self.model, settings_of(option), timeouts, option["needs_model"], waits)
+        self.logic = ControllerLogic(
+            self.model, settings_of(option), timeouts, option["needs_model"], waits, option["ignore"]
+        )
         self._input = self.create_publisher(Float64MultiArray, "input", RELIABLE)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._heard = [self._gathering(Float64MultiArray, "reference", self._take_reference, waking=True)]
@@ -152,8 +154,8 @@ class ControllerNode(ModelNode):
         self.logic.take_state(convert.read_vector(message, len(self.logic.measured)), sent)
 
     def _take_joint_state(self, message: JointState, _: int) -> None:
-        joint = convert.read_joint(message, self.options["joint_name"])
-        self.logic.take_measured(joint, convert.nanoseconds(message.header.stamp), self.now())
+        joint, now = convert.read_joint(message, self.options["joint_name"]), self.now()
+        self.logic.take_measured(joint, self.stamp_of(message, now), now)
 
     def _on_model(self, message: Float64MultiArray) -> None:
         fault = convert.layout_fault(message.layout, len(message.data))
@@ -219,11 +221,13 @@ class ControllerNode(ModelNode):
             self._on_jump(None)
         self._latest = now
         health = self.logic.health(now)
+        if self.logic.channels.sentence:
+            self.warn_once("channels", self.logic.channels.sentence)
         status = DiagnosticStatus(
             level=bytes([health.level]),
             name=f"{self.get_fully_qualified_name()}: control",
             message=health.message,
-            hardware_id=self.model.plant.name,
+            hardware_id=self.hardware_id,
             values=[KeyValue(key=key, value=value) for key, value in health.values.items()],
         )
         self._diagnostics.publish(DiagnosticArray(header=Header(stamp=convert.stamp_of(now)), status=[status]))

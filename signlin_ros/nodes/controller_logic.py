@@ -23,6 +23,7 @@ from signlin_ros.control.supervision import SpeedNoise, Supervisor
 from signlin_ros.errors import InputError
 from signlin_ros.estimate import CausalDerivative
 from signlin_ros.model import Model
+from signlin_ros.nodes.channels import Channels
 from signlin_ros.nodes.linearizer_logic import ERROR, LEVEL_OK, NANO, WARN, Health, Refusal
 from signlin_ros.nodes.loop_times import LoopTimes
 
@@ -68,6 +69,7 @@ class ControllerLogic:
     timeouts : ages that stop the drive.
     needs_model : whether a linearizer must be publishing.
     asks : whether it waits to be asked (`resume`) after whatever was missing or stale, too.
+    ignored : channels that are left out, apart by commas; of a joint, one that is 0 throughout is, too (`Channels`).
     """
 
     def __init__(
@@ -77,6 +79,7 @@ class ControllerLogic:
         timeouts: Timeouts | None = None,
         needs_model: bool = True,
         asks: bool = False,
+        ignored: str = "",
     ) -> None:
         self.refused: Counter[str] = Counter()
         self.last_refusal: Refusal | None = None
@@ -84,7 +87,7 @@ class ControllerLogic:
         self.timeouts, self.needs_model, self.asks = timeouts or Timeouts(), needs_model, asks
         self.fault = self.last_stop = ""
         self._noise = SpeedNoise()
-        self.measured = model.states
+        self.measured, self.channels = model.states, Channels(model, ignored)
         self.configure(model, settings)
         self.reset()
 
@@ -194,7 +197,8 @@ class ControllerLogic:
     def _true(self, joint: Mapping[str, float]) -> dict[str, float]:
         """Return position and speed by the model's names, without what its sensors add."""
         named = zip(("position", "velocity"), self._names, strict=True)
-        return {name: self._without_sensor(name, joint[field]) for field, name in named if field in joint}
+        shown = self.channels.told({name: joint[field] for field, name in named if field in joint})
+        return {name: self._without_sensor(name, value) for name, value in shown.items()}
 
     def _without_sensor(self, name: str, shown: float) -> float:
         sensors = self.model.sensors

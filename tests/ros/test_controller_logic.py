@@ -129,9 +129,13 @@ def test_a_model_with_states_that_nobody_measures_is_taken():
     assert np.std(loop.errors[100:]) < 0.3
 
 
-def test_positions_without_speeds_and_without_rates_of_the_reference_suffice():
+@pytest.mark.parametrize(
+    ("shown", "ignored"), [({}, ""), ({"velocity": 0.0}, ""), ({"velocity": 7.0}, "velocity"), ({"effort": 0.0}, "")]
+)
+def test_positions_without_speeds_and_without_rates_of_the_reference_suffice(shown, ignored):
+    """Also where a driver fills in a velocity that is 0 throughout, or one to be ignored: it ran away."""
     settings = ControllerSettings(limit=12.0, speed=5.0, position=True)
-    logic = ControllerLogic(MODEL, settings, needs_model=False)
+    logic = ControllerLogic(MODEL, settings, needs_model=False, ignored=ignored)
     plant = Stepper(MODEL.with_options(with_position=True))
     u, errors, now = 0.0, [], NANO
     for _ in range(400):
@@ -139,7 +143,7 @@ def test_positions_without_speeds_and_without_rates_of_the_reference_suffice():
             stamp = now + part * PERIOD // 4
             if part:
                 plant.advance(PERIOD / 4 / NANO, [u])
-            logic.take_measured({"position": float(plant.x[2])}, stamp, stamp)
+            logic.take_measured({"position": float(plant.x[2]), **shown}, stamp, stamp)
         at = now + 3 * PERIOD // 4
         r = 1.0 - np.cos(2 * np.pi * (at - NANO) / NANO / 4.0)
         logic.take_reference(np.array([r]), at)
