@@ -24,8 +24,8 @@ def answer(folder: Path, by: str) -> dict[str, Any]:
 def _by_motion(data: Any, criteria: Any) -> dict[str, Any]:
     from signlin_ros.diagnosis.evidence import Evidence
     from signlin_ros.diagnosis.output_error import FitCache, estimator_of
-    from signlin_ros.diagnosis.parts import without_idle, without_untold
     from signlin_ros.diagnosis.progress import Progress
+    from signlin_ros.diagnosis.pruning import without_idle, without_untold
     from signlin_ros.diagnosis.selection import select_model
     from signlin_ros.diagnosis.summary import summary_of
     from signlin_ros.diagnosis.verdict import verdict_of

@@ -57,7 +57,7 @@ class Dataset:
         return float(max(self.model.update_period, 2 * self.training.scale.step))
 
     def knowing(self, own: Mapping[str, Mapping[str, float]]) -> Dataset:
-        """Return the same where records have known values of parameters, by source: what one has of its own."""
+        """Return the same with parameters held that each record has a value ``own`` of, by the record's source."""
         if not own:
             return self
         frozen = dict.fromkeys((*self.model.frozen, *(n for values in own.values() for n in values)))

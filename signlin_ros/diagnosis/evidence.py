@@ -30,15 +30,15 @@ Array = NDArray[np.float64]
 WHOLE_EFFORT = 100.0
 """All of the effort, in per cent of it."""
 HALF = 0.5
-"""Part of the squared error that a model must take away for a difference of the estimates to matter."""
+"""Part of a squared error from which on it is most of it, where estimates or laws are set against each other."""
 
 
-def equation_error_of(c: Dataset, criteria: Criteria, progress: Progress) -> EquationErrorResult | None:
+def equation_error_of(dataset: Dataset, criteria: Criteria, progress: Progress) -> EquationErrorResult | None:
     """Return the equation-error estimate; None where what the model's forces depend on is not recorded."""
     progress.say(phrases.FORCE_RESIDUAL)
-    if not tells_force(c.model, recorded(c.model, [*c.training.parts, *c.validation.parts])):
+    if not tells_force(dataset.model, recorded(dataset.model, [*dataset.training.parts, *dataset.validation.parts])):
         return None
-    found = estimate_equation_error(c.training, c.validation, criteria)
+    found = estimate_equation_error(dataset.training, dataset.validation, criteria)
     progress.seen(found)
     return found
 
@@ -64,11 +64,15 @@ class Evidence:
         return self.output_error.cache
 
     def grounded(self) -> Evidence:
-        """Return the same of a model with base parameters held at what the force tells of them, where the motion's own
-        leave more than all of the effort, surely more than as given, far from noise of motion and force: what moves
-        slowly in a loop is followed best where forces hardly act (300 times its inertia), which is no reference. The
-        model as given is the reference where what is held leaves more without the laws beside which it was found.
-        Forces that show no law tell no more of a base that lacks one than the motion does.
+        """Return the same with base parameters held at what the force tells of them, where the motion alone bends them:
+        what moves slowly in a loop is followed best where forces hardly act (300 times its inertia), and such a base is
+        no reference for what effects gain.
+
+        That is done where all of this holds: forces show a law (else they tell no more of a base that lacks one than
+        the motion does); the fitted base leaves more force than all of the effort, and surely more than the model as
+        given; neither what the laws leave of the force nor what the base leaves of the motion is near the noise. If the
+        held base, without the laws beside which its values were found, leaves more force than the model as given, that
+        one is the reference.
         """
         force, motion = self.equation_error, self.output_error
         given, own = self.force_mse_as_written(motion.unfitted), self.force_mse_as_written(motion.base)
@@ -296,9 +300,9 @@ class Evidence:
 
     # ------------------------------------------------------------ what counts as noise of the motion
 
-    def residual_is_noise(self, f: FittedModel) -> bool:
-        """Tell whether the residual is white; of a load that floats and is held by a filter, the windowed error near
-        the noise, too.
+    def residual_is_white(self, f: FittedModel) -> bool:
+        """Tell whether no test finds structure in the residual, tested or not (`FittedModel.residual_is_noise` asks for
+        enough samples, too); of a load that floats and is held by a filter, the windowed error must be near the noise.
         """
         return f.white and (not _floats(f) or self.near_noise(f))
 
@@ -323,26 +327,26 @@ class Evidence:
 
 
 def evidence_of(
-    c: Dataset, criteria: Criteria, cache: FitCache, progress: Progress, jobs: int | None = None
+    dataset: Dataset, criteria: Criteria, cache: FitCache, progress: Progress, jobs: int | None = None
 ) -> Evidence:
     """Return both estimates of a data set, its inputs acting as the records show where the model leaves that to them;
     fits go into the ``cache``, those with inputs that act otherwise into one of their own.
     """
-    motion = estimator_of(c.training, c.validation, criteria, cache, progress, jobs)
-    force = equation_error_of(c.knowing(motion.own_values), criteria, progress)
-    if asks_hold(c):
+    motion = estimator_of(dataset.training, dataset.validation, criteria, cache, progress, jobs)
+    force = equation_error_of(dataset.knowing(motion.own_values), criteria, progress)
+    if asks_hold(dataset):
         progress.say(phrases.INPUT_HOLD)
-        found = with_hold(c, motion, force, criteria)
+        found = with_hold(dataset, motion, force, criteria)
         if found is not None:
-            c, motion = found
-            force = equation_error_of(c.knowing(motion.own_values), criteria, progress)
-    return Evidence(c, motion, force)
+            dataset, motion = found
+            force = equation_error_of(dataset.knowing(motion.own_values), criteria, progress)
+    return Evidence(dataset, motion, force)
 
 
 @one_thread
-def refitted_evidence(c: Dataset, progress: Progress | None = None) -> Evidence:
+def refitted_evidence(dataset: Dataset, progress: Progress | None = None) -> Evidence:
     """Refit the base of a data set and return what makes rows."""
-    return evidence_of(c, DEFAULT_CRITERIA, FitCache(), progress or Progress(), 1).grounded()
+    return evidence_of(dataset, DEFAULT_CRITERIA, FitCache(), progress or Progress(), 1).grounded()
 
 
 def changes_effort(effect: type[Effect]) -> bool:

@@ -18,7 +18,7 @@ from signlin_ros.model import Model
 
 @dataclass(frozen=True, eq=False)
 class FamilyChoice:
-    """Both estimates of a choice among laws; ``force``: that one of them."""
+    """A choice among laws of one family by both estimates: ``evidence``; ``force``: its equation-error estimate."""
 
     evidence: Evidence
     force: EquationErrorResult

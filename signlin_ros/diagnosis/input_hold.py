@@ -76,9 +76,9 @@ class HoldTrial:
         return log_mse(self.known[self.best], self.motion.training.noise)
 
 
-def asks_hold(c: Dataset) -> bool:
+def asks_hold(dataset: Dataset) -> bool:
     """Tell whether records are to show how their inputs act: an imposed motion has a rule of its own."""
-    return c.model.asks_hold and not c.model.plant.motion_is_imposed()
+    return dataset.model.asks_hold and not dataset.model.plant.motion_is_imposed()
 
 
 def at_noise(motion: OutputErrorEstimator, squares: Array) -> bool:
@@ -87,7 +87,7 @@ def at_noise(motion: OutputErrorEstimator, squares: Array) -> bool:
 
 
 def with_hold(
-    c: Dataset, motion: OutputErrorEstimator, force: EquationErrorResult | None, criteria: Criteria
+    dataset: Dataset, motion: OutputErrorEstimator, force: EquationErrorResult | None, criteria: Criteria
 ) -> tuple[Dataset, OutputErrorEstimator] | None:
     """Return the data set and its base with the hold that the records show; None where inputs act as if held, or where
     nothing tells.
@@ -100,16 +100,16 @@ def with_hold(
         return None
     named = [first, *(one for hold in FURTHER_HOLDS if (one := _other(motion, force, hold)) is not None)]
     best = min(named, key=lambda one: one.level)
-    same = 2.0 * criteria.visible_change * len(c.training.channels)
+    same = 2.0 * criteria.visible_change * len(dataset.training.channels)
     best = first if best.hold == LINEAR and first.level - best.level < same else best
-    unseen = improvement(held.unseen[held.best](), best.unseen[best.best](), c.validation.noise)
+    unseen = improvement(held.unseen[held.best](), best.unseen[best.best](), dataset.validation.noise)
     if unseen.t_ratio < -criteria.max_rise_t:
         return None
     if not _better(_again(held, force, best), best, criteria):
         return None
-    told = _said(c, held, best)
+    told = _said(dataset, held, best)
     problem = replace(best.motion.training, notes=(*best.motion.training.notes, told))
-    return replace(c, training=problem, validation=best.motion.validation, told_hold=told), best.motion
+    return replace(dataset, training=problem, validation=best.motion.validation, told_hold=told), best.motion
 
 
 def _tried(motion: OutputErrorEstimator, force: EquationErrorResult | None, stop: bool = False) -> HoldTrial:
@@ -182,7 +182,7 @@ def _errors(one: HoldTrial, names: Names) -> Array:
     return np.asarray(np.sqrt(np.nanmean(one.known.get(names, one.known[one.best]), axis=0)))
 
 
-def _said(c: Dataset, held: HoldTrial, taken: HoldTrial) -> str:
+def _said(dataset: Dataset, held: HoldTrial, taken: HoldTrial) -> str:
     """Return a sentence on the hold that was taken, with the error that falls for it: the base's, if that shows it."""
     shows = np.all(_errors(taken, ()) <= _errors(held, ())) and np.any(
         _errors(taken, ()) <= BETTER_HOLD_RATIO * _errors(held, ())
@@ -190,9 +190,9 @@ def _said(c: Dataset, held: HoldTrial, taken: HoldTrial) -> str:
     names = () if shows else taken.best
     a, b = _errors(held, names), _errors(taken, names)
     k = int(np.argmin(b / a))
-    channel = c.training.channels[k]
-    unit = c.training.shown(c.training.units.get(channel, c.model.units.get(channel, "")))
-    figures = phrases.error_changes(channel, c.horizon, a[k], b[k], unit)
+    channel, problem = dataset.training.channels[k], dataset.training
+    unit = problem.shown(problem.units.get(channel, dataset.model.units.get(channel, "")))
+    figures = phrases.error_changes(channel, dataset.horizon, a[k], b[k], unit)
     return phrases.input_acts(taken.hold, figures, names)
 
 

@@ -46,7 +46,7 @@ class ParameterEstimate:
     note: str = ""
 
     def to_json(self) -> dict[str, Any]:
-        """Return the value, standard error and unit as the contract's PARAMETERS has them."""
+        """Return the value, standard error and unit as ``schemas/diagnose.json`` has them."""
         found: dict[str, Any] = {"value": self.value, "std": _json(self.std), "unit": self.unit}
         return {**found, "note": self.note} if self.note else found
 
@@ -62,7 +62,7 @@ class Scores:
     channels: Mapping[str, Score]
 
     def to_json(self) -> dict[str, Any]:
-        """Return the scores by channel as the contract's SCORES has them, with the key ``score``."""
+        """Return the scores by channel as ``schemas/diagnose.json`` has them; ``score``: that they are of windows."""
         return {**{name: _json(s.to_json()) for name, s in self.channels.items()}, "score": "windowed"}
 
     @property

@@ -62,14 +62,14 @@ class Selection:
 
 def select_model(evidence: Evidence) -> Selection:
     """Return the model that both estimates support; the steps are those of the table above."""
-    if evidence.equation_error:
+    if evidence.equation_error:  # fits by simulation start from what the force shows of each law, too
         starts = {
             n: evidence.equation_error.values(f, n) for n, f in evidence.laws.items() if np.any(f.theta[f.spans[n]])
         }
         evidence = replace(evidence, output_error=replace(evidence.output_error, starts=starts))
     final, conflict = _first_choice(evidence)
     final = smallest_as_good(evidence, final)
-    conflict = conflict.format(listed(final.effects))
+    conflict = conflict.format(listed(final.effects))  # `phrases.more_force` leaves their place open
     options = [] if needs_no_search(evidence, final) else fit_every_law(evidence, final)
     options += [] if explains_to_noise(evidence, final) else fit_families(evidence, final)
     options += [] if needs_no_search(evidence, final) else _released(evidence, final)
@@ -165,7 +165,7 @@ def _resolved(evidence: Evidence, first: Sequence[FittedModel], second: FittedMo
     base, force = evidence.base, evidence.equation_error
     if not first:
         if force is not None and force.effects and _contradicts_force(evidence, force, second):
-            return base, _both(evidence, force, second)
+            return base, _why_refused(evidence, force, second)
         if second.effects and evidence.force_rises(base, second):
             return base, phrases.more_force_than_base(second.effects)
         return second, ""
@@ -191,7 +191,7 @@ def _contradicts_force(evidence: Evidence, force: EquationErrorResult, second: F
     )
 
 
-def _both(evidence: Evidence, force: EquationErrorResult, second: FittedModel) -> str:
+def _why_refused(evidence: Evidence, force: EquationErrorResult, second: FittedModel) -> str:
     """Return the sentence on both estimates where simulation refuses the laws that the force shows."""
     after, shown = (
         evidence.percent_of_effort(force.fit.validation_mse),
@@ -210,7 +210,7 @@ def _surpasses(evidence: Evidence, now: FittedModel, other: FittedModel) -> bool
         or evidence.force_rises(now, other)
     ):
         return False
-    if other.residual_is_noise and evidence.residual_is_noise(other) and not now.white:
+    if other.residual_is_noise and evidence.residual_is_white(other) and not now.white:
         return True
     if g.t_ratio < c.min_t or not evidence.force_shows(now):
         return g.t_ratio >= c.min_t
@@ -267,7 +267,7 @@ def smallest_as_good(evidence: Evidence, final: FittedModel) -> FittedModel:
     good = [
         f
         for f in good
-        if not shown or evidence.force_mse(f) is not None or (f.residual_is_noise and evidence.residual_is_noise(f))
+        if not shown or evidence.force_mse(f) is not None or (f.residual_is_noise and evidence.residual_is_white(f))
     ]
     return min(good, key=lambda f: (len(f.effects), f.n_parameters, f.log_mse), default=final)
 

@@ -286,11 +286,11 @@ class ValidationTests:
         that it shows, and no other law lowers it: one that imitates another fails under a gain or a load that no fit
         saw.
         """
-        w, c, unseen = self.evidence, self.criteria, self.evidence.output_error.validation
-        if not self.dataset.plant.closed_loop or not w.cache.searched.get(self.names):
+        evidence, c, unseen = self.evidence, self.criteria, self.evidence.output_error.validation
+        if not self.dataset.plant.closed_loop or not evidence.cache.searched.get(self.names):
             return False
         count, channels = len(unseen.segments), self.final.validation_squares.shape[1]
-        before, after = (f.validation_squares.reshape(count, -1, channels) for f in (w.base, self.final))
+        before, after = (f.validation_squares.reshape(count, -1, channels) for f in (evidence.base, self.final))
         folds = unseen.folds or tuple((i,) for i in range(count))
         pairs = (tuple(one[list(fold)].reshape(-1, channels) for one in (before, after)) for fold in folds)
         return len(folds) > 1 and not any(

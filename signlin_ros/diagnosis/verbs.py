@@ -1,4 +1,23 @@
-"""`diagnose`, `add` and `refine`: data, both estimates, selection, verdict and report follow each other here."""
+"""`diagnose`, `add` and `refine`: data, both estimates, selection, verdict and report follow each other here.
+
+| step | function | what it returns |
+|---|---|---|
+| data | `dataset_of` | `Dataset`: training and validation data, prepared once for both estimates |
+| output error | `estimator_of`, in `evidence_of` | fits by simulation with an observer; that of the base model first |
+| equation error | `estimate_equation_error`, in `evidence_of` | sets of laws, regressed on the force that is missing |
+| input hold | `with_hold`, in `evidence_of` | the data and the base model again, if inputs do not act as if held |
+| base held | `Evidence.grounded` | the same with base parameters held, where the forces contradict the fitted ones |
+| selection | `select_model` | `Selection`: the effects that both estimates support; its steps stand in its module |
+| verdict | `verdict_of` | `Verdict`: `reason_of` says which test on validation data fails, if one does |
+| pruning | `without_untold`, `without_idle` | the `Verdict` on less, where effects are not decided on or tell nothing |
+| report | `summary_of` | `Diagnosis`: values, tables and sentences |
+
+Short names that recur in this package: ``motion`` is the `OutputErrorEstimator`, ``force`` the `EquationErrorResult`,
+``base`` the fit of the model as given, ``f`` a `FittedModel` (in `equation_error` a `RegressionFit`), ``g`` an
+`Improvement`, ``c`` the `Criteria` (a `Candidate` where its parameters ``theta`` stand beside it), ``known`` and
+``unseen`` training and validation data, ``left`` what a model leaves of the force. An effect that acts as a force along
+the measured motion is a *law*: a regressor of the equation error.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +32,8 @@ from signlin_ros.diagnosis.evidence import evidence_of
 from signlin_ros.diagnosis.least_absolute import by_absolute_error
 from signlin_ros.diagnosis.output_error import FitCache
 from signlin_ros.diagnosis.output_error.trials import trials
-from signlin_ros.diagnosis.parts import without_idle, without_untold
 from signlin_ros.diagnosis.progress import Progress, Report
+from signlin_ros.diagnosis.pruning import without_idle, without_untold
 from signlin_ros.diagnosis.results import Diagnosis, listed
 from signlin_ros.diagnosis.selection import Selection, select_model
 from signlin_ros.diagnosis.summary import summary_of

@@ -17,16 +17,18 @@ from signlin_ros.effects import find_effect
 class Verdict:
     """What follows from a ``selection``: values only.
 
-    ``label``: adequate, missing or unexplained; ``reason``: a key of `REASONS`, empty where the records are explained;
-    ``refused``: why they do not ask for what `add` was asked for. Of the records: ``reversed``, the signal with whose
-    sign reversed the model as given follows much better; ``lost``, channels that no model follows. Of the selected
-    model, where validation data err: ``far``, base parameters far from nominal and by how many tolerances; ``percent``
-    of the effort that is left as force; ``imposed``, per cent of the spread of an imposed motion's force; ``flexible``,
-    what a flexible curve makes of it; ``changing``, which force changes slowly along the records; ``loop``, the
-    hysteresis that explains a part; ``alone``, that no other law takes away what it leaves; ``worse``, what rises;
-    ``beside_given``, standard errors of its gain beside the model as given. Fits beside it: ``steps`` from the base to
-    it, ``without`` each of its effects, and ``sampled``, with inputs sampled from what goes on in between, where that
-    is surely better.
+    - ``label``: adequate, missing or unexplained; ``reason``: see `reason_of`; ``refused``: why the records do not ask
+      for what `add` was asked for.
+    - Of the records: ``reversed``, the signal with whose sign reversed the model as given follows much better;
+      ``lost``, channels that no model follows.
+    - Of what the selected model leaves of validation data: ``percent`` of the effort as force (``imposed``: per cent of
+      the spread of an imposed motion's force); ``flexible``, what a flexible curve makes of it; ``changing``, which
+      force changes slowly along the records; ``loop``, the hysteresis that explains a part; ``alone``, that no other
+      law takes it away.
+    - Of its parameters and gain: ``far``, base parameters far from nominal and by how many tolerances; ``worse``, what
+      rises; ``beside_given``, standard errors of its gain beside the model as given.
+    - Fits beside it: ``steps`` from the base to it, ``without`` each of its effects, and ``sampled``, with inputs
+      sampled from what goes on in between, where that is surely better.
     """
 
     selection: Selection
@@ -66,9 +68,22 @@ class Verdict:
 
 
 def reason_of(tests: ValidationTests, conflict: str = "") -> str:
-    """Return why the records are not explained, a key of `REASONS`; empty if they are.
+    """Return why the records are not explained, a key of `signlin_ros.diagnosis.wording.reasons.REASONS`; empty if they
+    are. ``conflict``: why the two estimates differ. The first test that fails decides:
 
-    ``conflict``: why the two estimates differ. The first test that fails decides.
+    | reason | what it means |
+    |---|---|
+    | reversed | with the sign of one signal reversed, the model as given follows much better |
+    | conflict | motion and force ask for different effects |
+    | lost | nothing is named, and none of the models that were fitted follows some channel |
+    | worse | with the effects the error of a channel, or the missing force, surely rises |
+    | given | the effects gain beside the refitted base, but not surely beside the model as given |
+    | once | an effect remembers the way, and an imposed motion turns back once in a record at most |
+    | noise | the base errs by no more than the sensors' noise, and the effects take nothing visible away |
+    | far | a base parameter ends far from nominal, and with it held at nominal the effects are not confirmed |
+    | loop | hysteresis is named, and more than a quarter of the force (RMS) is left |
+    | elsewhere | validation data are followed far worse than those of the fit |
+    | structure | most of the force is left, or what is left goes with the motion |
     """
     if tests.reversed:
         return "reversed"
@@ -115,7 +130,7 @@ def _reason_by_force(tests: ValidationTests) -> str:
 
 def _reason_by_motion(tests: ValidationTests) -> str:
     """Return the reason where no force residual is seen: the residual of the motion must be noise, or small."""
-    noise = tests.evidence.residual_is_noise(tests.final) or tests.of_steps
+    noise = tests.evidence.residual_is_white(tests.final) or tests.of_steps
     near = tests.evidence.near_any_noise(tests.final)
     if tests.names and not near and (noise or tests.percent is None):
         explained = not tests.leaves_much_motion or (tests.carries_over and not tests.generalizes_badly)
@@ -126,6 +141,7 @@ def _reason_by_motion(tests: ValidationTests) -> str:
 def verdict_of(evidence: Evidence, selection: Selection) -> Verdict:
     """Test a selected model on validation data, and return what follows."""
     t = ValidationTests(evidence, selection.chosen)
+    # What `add` was asked for and validation data refuse is not named: the label is then that of the base model.
     reason, refused = (
         reason_of(t, selection.conflict),
         evidence.output_error.refusal(evidence.base, selection.chosen) if selection.asked else "",

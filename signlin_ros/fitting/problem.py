@@ -42,10 +42,11 @@ MIN_SEARCH_SAMPLES, MAX_SEARCH_SAMPLES, CHUNKS, LEADING_SAMPLES = 2000, 6000, 4,
 @dataclass(frozen=True)
 class Problem:
     """Everything that is the same for every candidate: the model as given (``base``), with a measured position as a
-    state; ``noise`` (ny), white; ``levels``: gains from high to low; ``x_scale``: size of every state; ``units`` of the
-    records; ``quanta`` (ny): steps in which a channel is shown, or 0; ``parts``: records without gaps, as given;
+    state; ``noise`` (ny), white; ``observer_gains``: from high to low; ``x_scale``: size of every state; ``units`` of
+    the records; ``quanta`` (ny): steps in which a channel is shown, or 0; ``parts``: records without gaps, as given;
     ``folds``: of validation data that are known ones too, which segments are held out together, in turn;
-    ``observers``: gains of what watches motion for a force that is missing, where ``levels`` are of free runs.
+    ``force_observers``: gains of what watches motion for a force that is missing, where ``observer_gains`` are of free
+    runs.
     """
 
     base: Model

@@ -26,7 +26,7 @@ from signlin_ros.diagnosis.evidence import Evidence
 from signlin_ros.diagnosis.family import FamilyChoice
 from signlin_ros.diagnosis.output_error import FitCache, FittedModel, OutputErrorEstimator
 from signlin_ros.diagnosis.output_error.score import generalizes_badly, improvement
-from signlin_ros.diagnosis.parts import without_untold
+from signlin_ros.diagnosis.pruning import without_untold
 from signlin_ros.diagnosis.selection import Selection, select_model
 from signlin_ros.diagnosis.validation import ValidationTests, force_percent
 from signlin_ros.diagnosis.verdict import Verdict, verdict_of

@@ -35,6 +35,7 @@ from signlin_ros.scale import Scale
 
 Array = NDArray[np.float64]
 Shape = tuple[tuple[str, float], ...]
+"""Names and values of the parameters that a law's columns depend on; those that scale a column are found by a fit."""
 
 KEY = "candidate"
 """The key under which a law is tried in a model."""
@@ -66,9 +67,9 @@ def parts_of(structure: Structure) -> LawParts:
     own = [t.f[i] for i, name in enumerate(t.states) if name.startswith(f"{KEY}.")]
     names = [n for n in p if n not in effect.turning]
     in_rates = {n for n in names if any(ca.jacobian(rate, p[n]).nnz() for rate in own)}
-    bent = {n for n in names if ca.jacobian(ca.jacobian(force, p[n]), p[n]).nnz()}
+    nonlinear = {n for n in names if ca.jacobian(ca.jacobian(force, p[n]), p[n]).nnz()}
     forceful = {n: "F" in effect.pars()[n].unit.replace("·", "/").split("/")[0] for n in names}
-    levels = [n for n in names if n not in in_rates | bent]
+    levels = [n for n in names if n not in in_rates | nonlinear]
     for a, b in itertools.combinations(list(levels), 2):
         if a in levels and b in levels and ca.jacobian(ca.jacobian(force, p[a]), p[b]).nnz():
             levels.remove(a if not forceful[a] else b)

@@ -29,6 +29,7 @@ from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
 Member = tuple[str, Shape]
+"""A law of a set: its name, and its shape."""
 
 DERIVATIVE_STEP = 1e-4
 """Relative step of the derivative with respect to a parameter."""

@@ -16,7 +16,7 @@ from signlin_ros.diagnosis.equation_error.waves import Waves
 from signlin_ros.fitting.inverses import squared_distance
 
 REFINED_BEAMS = 2
-"""The best so many times `Criteria.beam` of a step are refined."""
+"""The best so many times `Criteria.beam_width` of a step are refined."""
 SHAPE_STEPS, MAX_SHAPE_MOVES, NO_GAIN = (0.25, 0.1, 0.04), 3, 1 - 1e-4
 """Relative steps that refine a shape, and how often in a row, unless one leaves more than this of the squared error."""
 MAX_STEP_RATIO = 0.97
@@ -27,7 +27,9 @@ MAX_HARMONICS = 8
 
 @dataclass(eq=False)
 class SubsetSearch:
-    """Sets of laws fitted so far, by their names; ``shapes`` of each law that are known; ``whole``: so are orders."""
+    """A beam search, set by set: ``models``: the best fit of every set of laws so far, by their names; ``shapes``: the
+    values of each law's nonlinear parameters that are tried; ``whole``: whether orders of waves are whole numbers.
+    """
 
     r: Regression
     whole: bool
@@ -35,7 +37,7 @@ class SubsetSearch:
     models: dict[frozenset[str], RegressionFit] = field(default_factory=dict)
 
     def run(self) -> None:
-        """Fit sets of laws, in `Criteria.most` steps or until nothing is gained."""
+        """Fit sets of laws, in `Criteria.max_effects` steps or until nothing is gained."""
         best = [self._keep(self.r.fitted(()))]
         for count in range(1, self.r.criteria.max_effects + 1):
             before = min(f.training_mse for f in self.models.values())

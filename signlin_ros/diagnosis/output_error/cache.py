@@ -12,7 +12,9 @@ from signlin_ros.fitting.fit import Fit
 from signlin_ros.model import Model
 
 Kind = tuple[str, ...]
+"""What tells one set of effects from another: `FittedModel.kind`."""
 Asked = tuple[tuple[str, ...], Model | None]
+"""Names of effects, and the model whose values of them a fit starts from."""
 
 
 @dataclass(eq=False)

@@ -41,9 +41,10 @@ class Decisions:
         return improvement(self.best(before).validation_squares, after.validation_squares, self.validation.noise)
 
     def t_ratio(self, before: FittedModel, after: FittedModel) -> float:
-        """Return by how many standard errors a model lowers the error on validation data. Where it leaves but noise
-        they are of noise, and training data count too: what acts for once is in few blocks. Not of a free run in a
-        closed loop: where a servo stands still its encoder's error is one and the same, which is no noise.
+        """Return by how many standard errors a model lowers the error on validation data: those of a mean over blocks.
+        Where the model leaves nothing but tested noise, they may be those of that noise (`beyond_noise`), with training
+        data counted, too: what acts only once is in few blocks. Not so of a free run in a closed loop: where a servo
+        stands still its encoder's error is one and the same, which is no noise.
         """
         c, known, unseen = self.criteria, self.training, self.validation
         blocks = improvement(before.validation_squares, after.validation_squares, unseen.noise).t_ratio
@@ -66,8 +67,10 @@ class Decisions:
     def refusal(self, before: FittedModel, after: FittedModel) -> str:
         """Return why a model does not improve on another, in words; empty where it does.
 
-        Base parameters that were bent to imitate an effect, and are free with it, count as much as the error: both are
-        squares of standard errors. Not where the error rises for it so that it shows.
+        It must lower the validation error by `Criteria.min_t` standard errors. Their square gains what ``before`` needs
+        more than ``after`` of squared tolerances (`FittedModel.prior_distance`): base parameters that were bent to
+        imitate an effect come back with it. That does not count where one ends further off than before and far from
+        nominal, or where the error visibly rises. Then no channel may rise, and what was added must be known.
         """
         c, before = self.criteria, self.best(before)
         g, certainty = self.improvement(before, after), self.t_ratio(before, after)

@@ -17,8 +17,8 @@ from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.output_error.cache import FitCache
 from signlin_ros.diagnosis.output_error.fitted import FittedModel
 from signlin_ros.diagnosis.output_error.fitting import (
+    FOLLOW_STEPS,
     MAX_STARTS,
-    ON,
     cheapest,
     cross_entropy_fit,
     multi_start_fit,
@@ -49,6 +49,8 @@ Array = NDArray[np.float64]
 class OutputErrorEstimator(Minima):
     """Fits of a model, with effects added, to the training data, and their errors on the validation data.
 
+    Three layers: `Decisions` says whether one fit improves on another, `Minima` keeps the best fit of every set of
+    effects and carries new ones on to a minimum, this class chooses what is fitted: some effects, one more, a search.
     ``starts``: values by effect that the equation-error estimate found, one by one; ``base_unfitted``: the model as
     given, where the base has held parameters. The ``cache`` holds the fit of the base model from the beginning
     (`estimator_of`). Other fields: `Minima`.
@@ -175,16 +177,16 @@ class OutputErrorEstimator(Minima):
             raise SimulationError(phrases.diverges(self.training.base.source, name))
         return found
 
-    def _multi_start(self, before: Fit, trial: Trial, few: int = MAX_STARTS, on: int = 0) -> Fit | None:
+    def _multi_start(self, before: Fit, trial: Trial, few: int = MAX_STARTS, follow_steps: int = 0) -> Fit | None:
         self.progress.check()
-        return multi_start_fit(self.short, before, rescanned(self.short, trial, before), few, on)
+        return multi_start_fit(self.short, before, rescanned(self.short, trial, before), few, follow_steps)
 
     def _from_all_starts(self, before: Fit, trial: Trial) -> Fit | None:
         """Return the best fit of one more effect from all its starts (some, where it has many minima), gone on with."""
         key = (*before.candidate.label, trial.name, trial.channel)
         if key not in self.cache.multi_start:
             self.cache.multi_start[key] = self._multi_start(
-                before, trial, MAX_STARTS if trial.effect.rugged else len(trial.starts), ON
+                before, trial, MAX_STARTS if trial.effect.rugged else len(trial.starts), FOLLOW_STEPS
             )
         return self.cache.multi_start[key]
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from signlin_ros.diagnosis.output_error.score import log_mse, parts_of, windowed
+from signlin_ros.diagnosis.output_error.score import blocks_per_record, log_mse, windowed
 from signlin_ros.diagnosis.output_error.trials import CandidateParts, Trial
 from signlin_ros.effects import EFFECTS
 from signlin_ros.fitting.candidate import Candidate
@@ -26,8 +26,8 @@ MAX_STARTS, STARTS_KEPT = 6, 2
 """Starts that are tried where an effect has many, and how many of all go on to the next gain."""
 FIRST_STEPS, MIDDLE_STEPS, LAST_STEPS = 2, 4, 10
 """Steps of a fit from a start, at the middle gain, and to the end."""
-ON, STARTS_FOLLOWED = 30, 3
-"""Steps with which a fit goes on on a part of the records, and how many starts of an effect do."""
+FOLLOW_STEPS, STARTS_FOLLOWED = 30, 3
+"""Further steps of the best starts of an effect on a part of the records, and how many starts get them."""
 SERIOUS, ANYWAY, FINISHED = 0.25, 3, 8
 """Share of the best candidate's gain that makes another worth a thorough fit; how many get one anyway, and at most."""
 BREEDING_ROUNDS, CHILDREN, PARENTS, BRED_KEPT = 4, 48, 14, 3
@@ -104,7 +104,7 @@ def cross_validated(problem: Problem, c: Candidate, theta: Array, folds: Sequenc
     """Return the squared errors (blocks, channels) of every record, each predicted by a fit to the records of the other
     folds [cross validation: Stone, J. R. Stat. Soc. B 36 (1974) 111]; what each record has of its own is fitted to it.
     """
-    gains, parts, found = problem.observer_gains[-1], parts_of(problem), dict[int, Array]()
+    gains, parts, found = problem.observer_gains[-1], blocks_per_record(problem), dict[int, Array]()
     for fold in folds:
         others = tuple(s for i, s in enumerate(problem.segments) if i not in fold)
         f, fitted = fit(replace(problem, segments=others), c, gains, theta, LAST_STEPS), {s.source for s in others}
@@ -164,9 +164,12 @@ def likelihood_t(problem: Problem, f: Fit, covariances: Sequence[Array], index: 
     return float(np.sqrt(max(best.objective - f.objective, 0.0) / correlated))
 
 
-def multi_start_fit(problem: Problem, before: Fit, trial: Trial, few: int = MAX_STARTS, on: int = 0) -> Fit | None:
+def multi_start_fit(
+    problem: Problem, before: Fit, trial: Trial, few: int = MAX_STARTS, follow_steps: int = 0
+) -> Fit | None:
     """Return the best fit of one more effect at the middle gain on a part of the records, from its first start and some
-    of the others, with base parameters as given and as they were fitted before; the best go ``on`` so many steps.
+    of the others, with base parameters as given and as they were fitted before; then the best of these fits get so many
+    more steps as ``follow_steps`` says.
     """
     remembers, (high, middle) = bool(trial.effect.states), problem.observer_gains[:2]
     slow = problem.base.plant.closed_loop and bool(
@@ -185,9 +188,9 @@ def multi_start_fit(problem: Problem, before: Fit, trial: Trial, few: int = MAX_
     second = [fit(short, f.candidate, middle, f.theta, more) for f in best]
     if remembers:  # a high gain says little of what is remembered
         second += [fit(short, c, middle, c.start(added), more) for c in candidates]
-    if on:  # a few steps tell little of what starts far away
+    if follow_steps:  # a few steps tell little of what starts far away
         best = sorted((f for f in second if f), key=attrgetter("objective"))[:STARTS_FOLLOWED]
-        second = [further(short, f, on) for f in best]
+        second = [further(short, f, follow_steps) for f in best]
     return cheapest(second)
 
 
@@ -242,9 +245,9 @@ def _bred(points: Array, cost: Callable[[Array], float], each: Each) -> Array:
 
 
 __all__ = [
+    "FOLLOW_STEPS",
     "MAX_STARTS",
     "MIDDLE_STEPS",
-    "ON",
     "Minimum",
     "cheapest",
     "cross_entropy_fit",

@@ -27,9 +27,11 @@ from signlin_ros.follow.segments import PreparedSegment
 
 Array = NDArray[np.float64]
 
-CROSS_VALIDATION_FOLDS, MIN_FOLDS, FOLD_BLOCK, MIN_FOLD_SAMPLES, LENGTHS = 8, 5, 0.25, 50, 2.0
-"""Parts that are left out in turn, and at least so many, made of blocks of so many s, samples, and lengths of the
-observer's response, at least: else what a wandering state leaves would be predicted by what it left just before."""
+CROSS_VALIDATION_FOLDS, MIN_FOLDS = 8, 5
+"""Parts that are left out in turn, at most and at least."""
+FOLD_BLOCK, MIN_FOLD_SAMPLES, LENGTHS = 0.25, 50, 2.0
+"""Blocks of which these parts are made have at least so many s, so many samples and so many lengths of the observer's
+response: else what a wandering state leaves would be predicted by what it left just before."""
 MAX_TESTED_SAMPLES, MIN_SAMPLES_PER_FUNCTION, TEST_RIDGE = 30_000, 10, 1e-5
 """Samples that are looked at; samples for each function, below which nothing is said; ridge of the regression."""
 FADING_SPEEDS = (0.1, 0.03)

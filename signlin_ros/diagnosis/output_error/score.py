@@ -44,7 +44,9 @@ class Improvement:
     rmse_ratios: Array
 
     def worsens(self, worse: float, alike: float) -> bool:
-        """Tell whether any channel's error rises beyond doubt, and so that it shows."""
+        """Tell whether any channel's error rises by more than ``worse`` standard errors, and by more than a part
+        ``alike`` of its RMS.
+        """
         return bool(((self.t_ratios < -worse) & (self.rmse_ratios > 1.0 + alike)).any())
 
 
@@ -92,7 +94,7 @@ def beyond_noise(before: Array, after: Array, samples: Array, together: Array) -
 
 def generalizes_badly(known: Array, unseen: Array, here: Array, there: Array, times: float) -> bool:
     """Tell whether mean squared errors (blocks, channels) of validation data are so many times those of known ones,
-    both beside the noise of their sensors, ``there`` and ``here`` (channels): it has a size of its own in every record.
+    both beside the noise of their sensors, ``there`` and ``here`` (channels): it follows only what it was fitted to.
     """
     first, second = (np.sqrt(np.nanmean(squares, axis=0)) for squares in (known, unseen))
     least = np.max([first * np.maximum(there / here, 1.0), here, there], axis=0)
@@ -112,7 +114,7 @@ def log_mse(squares: Array, noise: Array) -> float:
     return float(np.sum(np.log(np.nanmean(squares, axis=0) + (0.1 * noise) ** 2)))
 
 
-def parts_of(problem: Problem) -> int:
+def blocks_per_record(problem: Problem) -> int:
     """Return how many blocks each record of a plant in a closed loop makes."""
     shortest = min(float(s.t[-1] - s.t[0]) for s in problem.segments)
     return max(int(shortest / FORGOTTEN), -(-FEWEST_PARTS // len(problem.segments)), 1)
@@ -120,9 +122,9 @@ def parts_of(problem: Problem) -> int:
 
 def windowed(problem: Problem, c: Candidate, theta: Array, gains: ObserverGains, parts: int | None = None) -> Array:
     """Return the mean squared errors (blocks, channels) of a candidate over windows of the horizon; of a plant in a
-    closed loop over each record, run freely, in so many ``parts`` (by default `parts_of`).
+    closed loop over each record, run freely, in so many ``parts`` (by default `blocks_per_record`).
     """
-    cuts = _cuts(problem, parts or parts_of(problem))
+    cuts = _cuts(problem, parts or blocks_per_record(problem))
     errors = _errors(problem, c, theta, gains, cuts)
     if errors is None:
         errors = [np.sqrt(DIVERGED_VARIANCE) * problem.noise + np.zeros(s.y.shape) for s in problem.segments]

@@ -42,6 +42,6 @@ REASONS = {
     "loop": Reason(" ({falls}): what is there is hysteresis{loops}.{rest}"),
     "structure": Reason(),
 }
-"""Why records are not explained: what `Verdict.reason` may be."""
+"""Why records are not explained: what `Verdict.reason` may be; `signlin_ros.diagnosis.verdict.reason_of` says when."""
 
 __all__ = ["REASONS", "Reason"]

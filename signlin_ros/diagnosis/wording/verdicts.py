@@ -108,11 +108,11 @@ def family_of(effect: str, changing: str) -> str:
     return f"{laws}, and which loop it is cannot be told"
 
 
-def further(c: Dataset) -> str:
+def further(dataset: Dataset) -> str:
     """Return which signal of validation data goes furthest beyond known ones, by half their amplitude or more, if
     any.
     """
-    known, unseen = (_reaches(problem) for problem in (c.training, c.validation))
+    known, unseen = (_reaches(problem) for problem in (dataset.training, dataset.validation))
     found = {}
     for name in known.keys() & unseen.keys():
         (low, high), (least, most) = known[name], unseen[name]
@@ -121,7 +121,7 @@ def further(c: Dataset) -> str:
     name = max(sorted(found), key=lambda n: found[n], default="")
     if not name or found[name] < HALF:
         return ""
-    unit = c.training.shown(c.training.units.get(name, ""))
+    unit = dataset.training.shown(dataset.training.units.get(name, ""))
     (least, most), (low, high) = unseen[name], known[name]
     return f"there {name} goes from {least:.3g} to {most:.3g} {unit}, in those from {low:.3g} to {high:.3g} {unit}."
 
