@@ -133,10 +133,14 @@ class Evidence:
         return frozenset(own.keys() - only if current else own)
 
     def force_comparable(self, f: FittedModel) -> bool:
-        """Tell whether the force that a model leaves can be compared with the base model's: not where a sensor or the
-        time of the effort was changed, a load floats, an unmeasured position matters, waves are beyond the band, nor of
-        noise of the motion beside a `silent` equation-error estimate, or that is left by what no force shows but of
-        the input.
+        """Tell whether the force that a model leaves can be compared with the base model's. It cannot where
+
+        - one of its effects changes a sensor, a motor's constants or the time of the effort (`changes_effort`), unless
+          it changes the input, or has a load that floats (`Effect.floating`);
+        - the motion leaves a white residual, and that is owed to an effect that no force shows (but of the input), or
+          the forces lack nothing (`force_finds_nothing`);
+        - one of its waves is beyond the band in which forces are compared;
+        - its forces depend on a position that was not measured.
         """
         if self.equation_error is None:
             return False

@@ -85,9 +85,9 @@ class Decisions:
         return after.insignificant(c) or self._not_identifiable(after)
 
     def settles(self, before: FittedModel, after: FittedModel) -> bool:
-        """Tell whether a model leaves nothing but tested noise of the training data, where another does not, and
-        follows validation data as well: by how much it errs more in a channel is then what its parameters are uncertain
-        by, or chance, and speaks for neither.
+        """Tell whether ``after`` is the better one although the error of a channel rises: it leaves nothing but tested
+        noise of the training data, where ``before`` leaves structure, errs less in all, and follows validation data as
+        well as those. What it errs more by in a channel is then chance, or what its parameters are uncertain by.
         """
         noise = self.training.noise, self.validation.noise
         there = generalizes_badly(
@@ -154,8 +154,10 @@ class Decisions:
         return {key: waves for key, waves in held.items() if waves < self.criteria.min_periods}
 
     def as_good_as_best(self, before: FittedModel, options: Sequence[FittedModel]) -> list[FittedModel]:
-        """Return the options that are a step beyond a model and as good as the best, the simplest first; with simpler
-        laws beyond which a richer one of their family is no step; with a base far from nominal only if nothing else is.
+        """Return the options that improve on ``before`` and are as good as the best of them, the simplest first.
+
+        With them goes a simpler law of a family on which the richer one among them does not improve. Options with a
+        base far from nominal are left out, unless there are no others.
         """
         good = [one for one in options if not self.refusal(before, one)]
         best = min(good, key=attrgetter("log_mse"), default=None)

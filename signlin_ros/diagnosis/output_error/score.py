@@ -86,7 +86,7 @@ def beyond_noise(before: Array, after: Array, samples: Array, together: Array) -
     """Return by how many standard errors of noise a model that leaves nothing else explains more than another.
 
     Its errors e are noise, those of the other e + d: squares differ by d (2 e + d), of standard deviation 2 |e| |d|, of
-    ``samples`` (channels) of which so many go ``together`` (channels) in coloured noise.
+    ``samples`` (channels) of which, in coloured noise, ``together`` (channels) count as one.
     """
     first, second = np.nanmean(before, axis=0), np.maximum(np.nanmean(after, axis=0), 1e-300)
     return float(np.sqrt(max(np.sum(samples / together * (first - second) / second) / 4, 0.0)))
