@@ -116,6 +116,7 @@ class ControllerLogic:
         self._running = False
         self._why, self._before, self._used = "waiting", 0, 0
         self._approach: Approach | None = None
+        self._astray, self._held_up = "", -(10**18)
         self._begun = 0
         self.active = False
         self.u = 0.0
@@ -287,8 +288,8 @@ class ControllerLogic:
         u = 0.0 if self._why else self._controlled(now)
         if not math.isfinite(u):
             self._why = "the design gives no finite input"
-        if self.fault:
-            self._why = self.fault
+        self._why = self.fault or self._astray or self._why
+        self._astray = ""
         self._running = not self._why
         if was_running and self._why:
             self.stops, self.last_stop = self.stops + 1, self._why
@@ -307,7 +308,8 @@ class ControllerLogic:
     def _look_at_time(self, now: int) -> None:
         """Count inputs that are late; after so long a pause that a state would be too old the loop begins anew."""
         pause = now - self._before if self._before else 0
-        self.times.take_pause(pause)
+        if self.times.take_pause(pause):
+            self._held_up = now
         if self._running and pause > self._ages["state"]:
             self.stops, self.last_stop = self.stops + 1, f"no input for {pause / NANO:.3g} s: this node was held up"
             self._running = False
@@ -334,6 +336,7 @@ class ControllerLogic:
         then, ahead = self._wanted(reference, state.when), self._wanted(reference, now)
         oldest = now - round(self.controller.task.delay * NANO)
         if state.when < oldest:  # the gains are made for what is not older: where is it by then?
+            self._held_up = now
             seen = self.prediction.at(state.values, state.when, oldest)
             u = self.controller.step(self._wanted(reference, oldest), seen, ahead)
         else:
@@ -341,7 +344,11 @@ class ControllerLogic:
         fresh, self._used = state.when != self._used, state.when
         self.times.take_age(now - state.when)
         sent = float(reference.values[1])
-        self.fault = self.supervisor.take(then, sent, state.values, u, self.controller.foretold, fresh)
+        fault = self.supervisor.take(then, sent, state.values, u, self.controller.foretold, fresh)
+        if fault and now - self._held_up <= self.supervisor.window * self.settings.period * NANO:
+            self._astray = f"{fault}, after this node or its states were held up"
+        else:
+            self.fault = fault
         return u
 
     def _begin(self, reference: _Got, state: _Got, now: int) -> None:

@@ -27,11 +27,12 @@ class LoopTimes:
         """Weight of a period in a mean over about a second."""
         return min(1.0, self.period / RECENT)
 
-    def take_pause(self, pause: int) -> None:
-        """Take the time in ns since the last input; 0 where this is the first."""
+    def take_pause(self, pause: int) -> bool:
+        """Take the time in ns since the last input, 0 where this is the first; return whether this one is late."""
         is_late = pause > LATE_PERIODS * self.period * NANO
         self.late += is_late
         self._late += self._weight * (is_late - self._late)
+        return is_late
 
     def take_age(self, age: int) -> None:
         """Take the age in ns of the state that an input is made of."""

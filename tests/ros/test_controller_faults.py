@@ -265,6 +265,23 @@ def test_a_starved_executor_begins_anew_from_where_the_drive_is():
     assert any("inputs are late" in text for text in _messages(world, 100))
 
 
+def test_a_drive_that_got_too_fast_while_the_node_was_held_up_is_stopped_and_begins_again():
+    world = World(logic(), reference=constant).run(3.0)
+    world.awake = lambda _: False
+    world.run(0.04)
+    world.machine = Stepper(MODEL, [0.0, 9.0])
+    world.awake = lambda _: True
+    world.run(0.06)
+    assert world.logic.fault == ""
+    assert "runs away" in world.logic.last_stop
+    assert "after this node or its states were held up" in world.logic.last_stop
+    assert world.levels[-1] == ERROR
+    assert world.inputs[-1] == 0.0
+    world.run(5.0)
+    assert world.speeds[-1] == pytest.approx(2.0, abs=0.05)
+    assert world.levels[-1] == LEVEL_OK
+
+
 def _messages(world: World, periods: int) -> list[str]:
     found = []
     for _ in range(periods):
