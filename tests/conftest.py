@@ -20,7 +20,7 @@ from hypothesis import settings
 from tests.once import FOLDER
 
 HERE = Path(__file__).parent
-YIELD = 15
+YIELD = 10
 """How much nicer the tests without ROS are than those with it: these watch the clock of a live system, and what takes
 long in that gives way (`NICE` of nodes/diagnosing.py) to its own callbacks, not to other tests."""
 LONGEST = {line: place for place, line in enumerate((HERE / "longest.txt").read_text(encoding="utf-8").splitlines())}
