@@ -30,7 +30,7 @@ def with_effect(problem, effect, **values):
 
 
 def innovations(problem, c, level=-1):
-    found = follow_records(problem, c, c.start(), problem.levels[level], False)
+    found = follow_records(problem, c, c.start(), problem.observer_gains[level], False)
     assert found is not None
     return found[0][0]
 
@@ -40,7 +40,7 @@ def test_on_a_linear_model_the_kalman_filter_is_the_common_observer(tmp_path, dr
     problem = problem_of(tmp_path, drive)
     nothing = with_effect(problem, "gravity_load", A=0.0, q0=0.0)
     assert nothing.filtered
-    for level in range(len(problem.levels)):
+    for level in range(len(problem.observer_gains)):
         filtered = innovations(problem, nothing, level)
         observed = innovations(problem, replace(nothing, alert=False), level)
         apart = np.abs(filtered - observed)[200:] / problem.noise
@@ -145,8 +145,8 @@ def test_a_gain_of_a_sensor_does_not_tune_the_filter(tmp_path):
     twice = candidate(problem, plain.model, ("backlash",), {"sensor_gain.position": 2.0})
     shown = {"current": 1.0, "position": 2.0}
     motion = [plain.model.states.index(n) for n in ("speed", "position", "backlash.position", "backlash.velocity")]
-    first = _belief(problem, plain, problem.levels[-1], dict.fromkeys(shown, 1.0))
-    second = _belief(problem, twice, problem.levels[-1], shown)
+    first = _belief(problem, plain, problem.observer_gains[-1], dict.fromkeys(shown, 1.0))
+    second = _belief(problem, twice, problem.observer_gains[-1], shown)
     assert second[:2, motion] == pytest.approx(first[:2, motion] / 4)
 
 
@@ -166,14 +166,14 @@ def test_first_slope_of_nothing():
 def test_a_fit_whose_sensitivities_run_away_is_given_up(tmp_path, monkeypatch):
     problem = problem_of(tmp_path)
     c = with_effect(problem, "coulomb_friction", mu=1.0)
-    assert fit(problem, c, problem.levels[1]) is not None
+    assert fit(problem, c, problem.observer_gains[1]) is not None
 
     def running_away(*arguments):
         errors, derivatives, states = follow_records(*arguments)
         return errors, [d * 1e140 for d in derivatives], states
 
     monkeypatch.setattr("signlin_ros.fitting.fit.follow_records", running_away)
-    assert fit(problem, c, problem.levels[1]) is None
+    assert fit(problem, c, problem.observer_gains[1]) is None
 
 
 def test_where_a_record_starts_on_a_wave_is_sought_as_far_as_the_sensor_may_be_off():
