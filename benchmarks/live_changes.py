@@ -26,8 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.model import Model
-from signlin_ros.nodes.linearizer_logic import NANO
 from signlin_ros.nodes.monitor_logic import MonitorLogic, MonitorSettings
+from signlin_ros.nodes.told import NANO
 from signlin_ros.simulation import Stepper
 
 Array = NDArray[np.float64]

@@ -15,11 +15,11 @@ from std_msgs.msg import Float64MultiArray
 from signlin_ros.nodes import convert
 from signlin_ros.nodes.gather import Gathering
 from signlin_ros.nodes.joint import joint_values
-from signlin_ros.nodes.linearizer_logic import NANO, Refusal
 from signlin_ros.nodes.overrides import Overridable
 from signlin_ros.nodes.parameters import ModelNode
 from signlin_ros.nodes.qos import RELIABLE, SENSOR_QOS
 from signlin_ros.nodes.runner import run
+from signlin_ros.nodes.told import NANO, Refusal
 from signlin_ros.simulation import Stepper
 from sim_nodes.measuring import Measuring
 from sim_nodes.signals import INPUT_SIGNALS, input_signal

@@ -14,11 +14,11 @@ from signlin_ros.errors import InputError
 from signlin_ros.files import refusal
 from signlin_ros.nodes import convert
 from signlin_ros.nodes.joints import refuse_arm
-from signlin_ros.nodes.linearizer_logic import NANO, Refusal
 from signlin_ros.nodes.managed import ManagedNode
 from signlin_ros.nodes.overrides import Overridable
 from signlin_ros.nodes.qos import LATCHED, RELIABLE, SENSOR_QOS
 from signlin_ros.nodes.runner import run
+from signlin_ros.nodes.told import NANO, Refusal
 from sim_nodes.playing import ABORTED, Player, read_command, read_limits
 
 OPTIONS = {

@@ -10,11 +10,11 @@ from std_msgs.msg import Float64MultiArray
 
 from signlin_ros.errors import InputError
 from signlin_ros.nodes import convert
-from signlin_ros.nodes.linearizer_logic import NANO
 from signlin_ros.nodes.overrides import Overridable
 from signlin_ros.nodes.parameters import ModelNode
 from signlin_ros.nodes.qos import RELIABLE
 from signlin_ros.nodes.runner import run
+from signlin_ros.nodes.told import NANO
 from sim_nodes.playback import Playback, Sample
 
 OPTIONS = {

@@ -25,8 +25,6 @@ from signlin_ros.robots import inverse_dynamics
 Array = NDArray[np.float64]
 PAYLOAD_ROUNDS = 4
 """Times that the payload is corrected: friction depends on it only through the sign and size of loads."""
-PAYLOAD_STEP = 1e-3
-"""kg and kg·m by which the derivative of the whole model is taken."""
 
 
 def carried(comparison: ArmComparison) -> ArmDiagnosis:

@@ -16,8 +16,8 @@ from signlin_ros.predict import without_dry_friction
 from signlin_ros.simulation import simulate
 
 if TYPE_CHECKING:
-    from signlin_ros.nodes.linearizer_logic import Update
     from signlin_ros.nodes.listen import Heard
+    from signlin_ros.nodes.told import Update
 
 Array = NDArray[np.float64]
 MAX_STATE_GAP = 0.03

@@ -78,11 +78,7 @@ _POWERS = dict.fromkeys((ca.OP_POW, ca.OP_CONSTPOW), "({a} ** {b})")
 NUMPY_DIALECT = Dialect(
     "np.",
     "{name} = {value}",
-    {
-        op: re.sub(r"\b([ab])\b", r"{\1}", text if text.startswith("np.") else f"({text})")
-        for op, text in OPERATIONS.items()
-    }
-    | _POWERS,
+    {op: _template(text) for op, text in OPERATIONS.items()} | _POWERS,
 )
 CASADI = Dialect(
     "ca.",

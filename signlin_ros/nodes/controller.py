@@ -27,12 +27,12 @@ from signlin_ros.nodes.apart import MadeApart
 from signlin_ros.nodes.controller_logic import LONGEST_REFERENCE, ControllerLogic, Timeouts
 from signlin_ros.nodes.gather import Gathering
 from signlin_ros.nodes.joints import refuse_arm
-from signlin_ros.nodes.linearizer_logic import NANO
 from signlin_ros.nodes.overrides import Overridable
 from signlin_ros.nodes.parameters import ModelNode, on_change
 from signlin_ros.nodes.qos import LATCHED, NEWEST, RELIABLE
 from signlin_ros.nodes.runner import run
 from signlin_ros.nodes.sources import STATE_OPTIONS, StateReader
+from signlin_ros.nodes.told import NANO
 
 OPTIONS = {
     "design": Overridable(DEFAULT_DESIGN, "how the input is made", choices=tuple(DESIGNS), read_only=False),

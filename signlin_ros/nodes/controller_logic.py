@@ -24,8 +24,8 @@ from signlin_ros.errors import InputError
 from signlin_ros.estimate import CausalDerivative
 from signlin_ros.model import Model
 from signlin_ros.nodes.channels import Channels
-from signlin_ros.nodes.linearizer_logic import ERROR, LEVEL_OK, NANO, WARN, Health, Refusal
 from signlin_ros.nodes.loop_times import LoopTimes
+from signlin_ros.nodes.told import ERROR, LEVEL_OK, NANO, WARN, Health, Refusal
 
 Array = NDArray[np.float64]
 LONGEST_REFERENCE = 3

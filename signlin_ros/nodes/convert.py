@@ -17,13 +17,12 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
 from signlin_ros.linearization import Linearization
 from signlin_ros.model import Model
-from signlin_ros.nodes.linearizer_logic import Refusal, Update
+from signlin_ros.nodes.told import NANO, Refusal, Update
 
 if TYPE_CHECKING:
     from signlin_ros.nodes.monitor_logic import MonitorScore
 
 Array = NDArray[np.float64]
-NANO = 1_000_000_000
 JOINT_FIELDS = ("position", "velocity", "effort")
 
 

@@ -83,8 +83,7 @@ class DiagnosisProcess:
                 return dict(json.loads((self.folder / "verdict.json").read_text(encoding="utf-8")))
         except ValueError:
             pass
-        last = STAGE.sub("", (self.folder / "errors.txt").read_text(errors="replace")).strip().splitlines()
-        why = last[-1] if last else f"it ended with exit code {self._process.returncode}"
+        why = _last_line(self.folder / "errors.txt") or f"it ended with exit code {self._process.returncode}"
         raise SignlinError(f"no diagnosis: {why}")
 
     def stop(self) -> None:
@@ -120,8 +119,8 @@ class Planning:
         self._errors.close()
         if self._process.returncode == 0:
             return dict(json.loads((self.folder / "plan.json").read_text(encoding="utf-8")))
-        last = STAGE.sub("", (self.folder / "plan_errors.txt").read_text(errors="replace")).strip().splitlines()
-        raise SignlinError(last[-1] if last else f"no plan: it ended with exit code {self._process.returncode}")
+        why = _last_line(self.folder / "plan_errors.txt")
+        raise SignlinError(why or f"no plan: it ended with exit code {self._process.returncode}")
 
     def stop(self) -> None:
         """End it, if it is still running."""
@@ -160,6 +159,11 @@ class Naming:
         """End it, if it is still running."""
         _end(self._process)
         self._process.communicate()
+
+
+def _last_line(file: Path) -> str:
+    """Return the last line that a verb wrote into a file besides how far it is; empty where there is none."""
+    return next(iter(reversed(STAGE.sub("", file.read_text(errors="replace")).strip().splitlines())), "")
 
 
 def _politely(module: str, arguments: Sequence[str], **streams: Any) -> subprocess.Popen[bytes]:

@@ -31,8 +31,8 @@ from std_msgs.msg import Float64MultiArray, String
 
 from signlin_ros.nodes import convert
 from signlin_ros.nodes.feed_logic import Feed
-from signlin_ros.nodes.linearizer_logic import Refusal
 from signlin_ros.nodes.qos import LATCHED, SENSOR_QOS
+from signlin_ros.nodes.told import Refusal
 from signlin_ros.records import Record, Signal, write_record
 
 Array = NDArray[np.float64]

@@ -25,13 +25,7 @@ from signlin_ros.model import Model
 from signlin_ros.nodes import convert, overrides
 from signlin_ros.nodes.gather import Gathering
 from signlin_ros.nodes.joint import measured_states
-from signlin_ros.nodes.linearizer_logic import (
-    NANO,
-    OBSERVERS,
-    LinearizerLogic,
-    Refusal,
-    Update,
-)
+from signlin_ros.nodes.linearizer_logic import OBSERVERS, LinearizerLogic
 from signlin_ros.nodes.managed import ManagedNode
 from signlin_ros.nodes.overrides import Overridable
 from signlin_ros.nodes.parameters import on_change
@@ -39,6 +33,7 @@ from signlin_ros.nodes.prepared import Prepared
 from signlin_ros.nodes.qos import LATCHED, SENSOR_QOS
 from signlin_ros.nodes.runner import run
 from signlin_ros.nodes.sources import STATE_OPTIONS, StateReader
+from signlin_ros.nodes.told import NANO, Refusal, Update
 
 OPTIONS = {
     **STATE_OPTIONS,

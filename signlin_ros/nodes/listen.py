@@ -16,8 +16,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Float64MultiArray
 
-from signlin_ros.nodes.convert import NANO, read_model
-from signlin_ros.nodes.linearizer_logic import Update
+from signlin_ros.nodes.convert import read_model
+from signlin_ros.nodes.told import NANO, Update
 
 Array = NDArray[np.float64]
 DEPTH = 1000

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-NANO = 1_000_000_000
+from signlin_ros.nodes.told import NANO
+
 LATE_PERIODS = 2
 """Periods between two inputs from which on the later one counts as late."""
 RECENT = 1.0

@@ -32,7 +32,6 @@ from signlin_ros.nodes.exchange import ModelExchange
 from signlin_ros.nodes.gather import Gathering
 from signlin_ros.nodes.joint import measured_states
 from signlin_ros.nodes.joints import refuse_arm
-from signlin_ros.nodes.linearizer_logic import NANO, Refusal
 from signlin_ros.nodes.managed import ManagedNode
 from signlin_ros.nodes.monitor_logic import MonitorLogic, MonitorSettings
 from signlin_ros.nodes.overrides import Overridable
@@ -40,6 +39,7 @@ from signlin_ros.nodes.plotted import ScalarTopics
 from signlin_ros.nodes.qos import LATCHED, RECORD_QOS, RELIABLE
 from signlin_ros.nodes.runner import run
 from signlin_ros.nodes.sources import STATE_OPTIONS, StateReader
+from signlin_ros.nodes.told import NANO, Refusal
 
 OPTIONS = {
     **STATE_OPTIONS,

@@ -17,7 +17,7 @@ from signlin_ros.errors import InputError
 from signlin_ros.linearization import Linearization, Linearizer
 from signlin_ros.model import Model
 from signlin_ros.nodes.channels import Channels
-from signlin_ros.nodes.linearizer_logic import ERROR, LEVEL_OK, NANO, WARN, Health, Refusal, Update
+from signlin_ros.nodes.told import ERROR, LEVEL_OK, NANO, WARN, Health, Refusal, Update
 from signlin_ros.observe.detect import Alarm
 from signlin_ros.observe.naming import ObservedWindow, Question
 from signlin_ros.observe.steps import CERTAIN_SHARE

@@ -16,9 +16,9 @@ from std_msgs.msg import Float64
 
 from signlin_ros.linearization import Linearizer
 from signlin_ros.model import Model
-from signlin_ros.nodes.linearizer_logic import Update
 from signlin_ros.nodes.monitor_logic import MonitorScore
 from signlin_ros.nodes.qos import RELIABLE
+from signlin_ros.nodes.told import Update
 
 MOST_STATES = 6
 """States up to which poles and entries of A and B have topics: an arm would have hundreds."""

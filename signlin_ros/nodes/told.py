@@ -30,7 +30,7 @@ class Update:
 
 @dataclass(frozen=True)
 class Health:
-    """How the linearizer is doing: a level (OK, WARN, ERROR), a sentence, and values to show."""
+    """How a node is doing: a level (OK, WARN, ERROR), a sentence, and values to show."""
 
     level: int
     message: str

@@ -147,9 +147,7 @@ def planned(args: Args, say: Say, sides: Callable[[Args], Any]) -> dict[str, Any
         "csv": plan.to_csv(),
         "rivals": plan.to_rivals(),
         "trajectory": plan.to_trajectory("joint") if plan.reference else "",
-        "previews": [
-            {"rivals": list(p.rivals), "channels": dict(zip(p.channels, p.units, strict=True))} for p in shown
-        ],
+        "previews": [_pictured(one) for one in shown],
     }
 
 

@@ -11,7 +11,8 @@ from signlin_ros.errors import InputError
 from signlin_ros.model import Model
 from signlin_ros.nodes import overrides
 from signlin_ros.nodes.joint import measured_states
-from signlin_ros.nodes.linearizer_logic import LinearizerLogic, Refusal
+from signlin_ros.nodes.linearizer_logic import LinearizerLogic
+from signlin_ros.nodes.told import Refusal
 
 pytest.importorskip("rclpy")
 

@@ -16,7 +16,7 @@ import pytest
 from signlin_ros.control.controller import ControllerSettings
 from signlin_ros.model import Model
 from signlin_ros.nodes.controller_logic import ControllerLogic
-from signlin_ros.nodes.linearizer_logic import ERROR, LEVEL_OK, NANO, WARN, Refusal
+from signlin_ros.nodes.told import ERROR, LEVEL_OK, NANO, WARN, Refusal
 from signlin_ros.simulation import Stepper
 
 MODEL = Model.load("dc_motor")

@@ -10,7 +10,7 @@ from signlin_ros.errors import InputError
 from signlin_ros.linearization import Linearizer
 from signlin_ros.model import Model
 from signlin_ros.nodes.controller_logic import ControllerLogic
-from signlin_ros.nodes.linearizer_logic import NANO, Refusal
+from signlin_ros.nodes.told import NANO, Refusal
 from signlin_ros.simulation import Stepper
 
 MODEL = Model.load("dc_motor")

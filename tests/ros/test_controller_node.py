@@ -24,7 +24,7 @@ from std_srvs.srv import Trigger
 from signlin_ros.linearization import Linearizer
 from signlin_ros.model import Model
 from signlin_ros.nodes import convert
-from signlin_ros.nodes.linearizer_logic import NANO, Update
+from signlin_ros.nodes.told import NANO, Update
 from signlin_ros.simulation import Stepper
 
 EXECUTABLE = Path(sys.prefix) / "lib" / "signlin_ros" / "controller"

@@ -16,7 +16,8 @@ from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 from signlin_ros.linearization import Linearizer
 from signlin_ros.model import Model
 from signlin_ros.nodes import convert
-from signlin_ros.nodes.linearizer_logic import LinearizerLogic, Refusal, Update
+from signlin_ros.nodes.linearizer_logic import LinearizerLogic
+from signlin_ros.nodes.told import Refusal, Update
 
 sys.path.insert(0, str(Path(__file__).parent))
 from malformed import malformed

@@ -10,7 +10,8 @@ from signlin_ros.linearization import Linearizer
 from signlin_ros.model import Model
 from signlin_ros.nodes.channels import LEAST_MOTION, Channels
 from signlin_ros.nodes.joint import effort_input
-from signlin_ros.nodes.linearizer_logic import LEVEL_OK, NANO, WARN, LinearizerLogic, Update
+from signlin_ros.nodes.linearizer_logic import LinearizerLogic
+from signlin_ros.nodes.told import LEVEL_OK, NANO, WARN, Update
 from signlin_ros.simulation import Stepper
 
 MIDPOINT = Model.load("dc_motor").with_options(operating_point="midpoint")

@@ -11,7 +11,8 @@ from signlin_ros.errors import InputError
 from signlin_ros.linearization import Linearizer
 from signlin_ros.model import Model
 from signlin_ros.nodes.joint import joint_values, measured_states
-from signlin_ros.nodes.linearizer_logic import ERROR, LEVEL_OK, MOST_LATE, NANO, WARN, LinearizerLogic, Refusal
+from signlin_ros.nodes.linearizer_logic import MOST_LATE, LinearizerLogic
+from signlin_ros.nodes.told import ERROR, LEVEL_OK, NANO, WARN, Refusal
 
 PERIOD = NANO // 5
 X = np.array([0.4, 5.0])

@@ -13,8 +13,8 @@ from signlin_ros.errors import InputError, SignlinError
 from signlin_ros.linearization import Linearizer
 from signlin_ros.model import Model
 from signlin_ros.nodes.diagnosing import Naming
-from signlin_ros.nodes.linearizer_logic import ERROR, LEVEL_OK, NANO, WARN, Refusal, Update
 from signlin_ros.nodes.monitor_logic import MonitorLogic, MonitorScore, MonitorSettings
+from signlin_ros.nodes.told import ERROR, LEVEL_OK, NANO, WARN, Refusal, Update
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 from live_changes import CHANGES, NOISE, QUANTUM, STEP, Machine

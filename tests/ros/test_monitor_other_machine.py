@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from signlin_ros.model import Model
-from signlin_ros.nodes.linearizer_logic import NANO
 from signlin_ros.nodes.monitor_logic import MonitorLogic, MonitorSettings
+from signlin_ros.nodes.told import NANO
 from signlin_ros.observe.naming import Named
 from signlin_ros.simulation import Stepper
 

@@ -18,9 +18,9 @@ from signlin_ros.model import Model
 from signlin_ros.nodes import diagnoses
 from signlin_ros.nodes.diagnosing import DiagnosisProcess
 from signlin_ros.nodes.exchange import ModelExchange
-from signlin_ros.nodes.linearizer_logic import LEVEL_OK, NANO, WARN, Update
 from signlin_ros.nodes.monitor_logic import MonitorLogic, MonitorSettings
 from signlin_ros.nodes.sources import STATE_OPTIONS, StateReader
+from signlin_ros.nodes.told import LEVEL_OK, NANO, WARN, Update
 from signlin_ros.records import Record, Signal
 from signlin_ros.simulation import simulate
 

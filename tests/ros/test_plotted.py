@@ -11,9 +11,9 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed: pip install 'signli
 
 from signlin_ros.linearization import Linearizer
 from signlin_ros.model import Model
-from signlin_ros.nodes.linearizer_logic import Update
 from signlin_ros.nodes.monitor_logic import MonitorScore
 from signlin_ros.nodes.plotted import Scalars, ScalarTopics, topic
+from signlin_ros.nodes.told import Update
 from signlin_ros.predict import without_dry_friction
 
 MODEL = Model.load("dc_motor").with_options(with_position=True)
