@@ -193,8 +193,8 @@ def _record_start(problem: Problem, c: Candidate, s: PreparedSegment, tau: float
         shown = c.angular and position in s.start and position in problem.channels
         found = _sought(lambda x: run(x, size), x0, unknown, c.model.states.index(position) if shown else -1)
         found = _descended(errors, found, errors(found.x), MAX_START_SWEEPS)[0] if longer else found
-        if others := _elsewhere(c, key):
-            found = min((found, *others), key=lambda one: mean_square(run(one.x, s.t.size)[0][:, None])[0])
+        if elsewhere := _elsewhere(c, key):
+            found = min((found, *elsewhere), key=lambda one: mean_square(run(one.x, s.t.size)[0][:, None])[0])
     c.starts[key] = replace(found, record=s)  # which keeps the identity its own
     return found.x
 
