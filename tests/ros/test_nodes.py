@@ -602,7 +602,7 @@ def test_replay_with_the_record_s_clock(graph: Any, tmp_path: Path) -> None:
     assert replay.running
     times = [convert.nanoseconds(m.clock) for m in clock]
     assert times == sorted(times)
-    assert len(models) >= 15
+    graph.wait(lambda: len(models) >= 15, "15 models")
     assert replay.stop() == 0
 
 
