@@ -55,7 +55,6 @@ COMMANDS = {
     "diagnose": "signlin diagnose my_motor.yaml monday.csv --validation tuesday.csv --report diagnosis.html",
     "add": "signlin add coulomb_friction my_motor.yaml monday.csv --validation tuesday.csv -o one_effect.yaml",
     "refine": "signlin refine my_motor.yaml monday.csv --validation tuesday.csv -o my_motor_2.yaml",
-    "again": "signlin compare my_motor_2.yaml monday.csv --validation tuesday.csv",
 }
 PICTURES = {
     "compare_files/missing_force.png": "story_missing.png",
@@ -72,10 +71,13 @@ SHORT = {
 """The lines that the README shows of each command."""
 WITHOUT_ROWS = {
     "add": r"UNEXPLAINED|coulomb_friction: |mu ",
-    "refine": r"MISSING|note: stopped",
-    "again": r"^Error over|training +/|current  +0|residual  lag|yes    no",
+    "refine": r"note: stopped",
 }
 """The lines that the page shows of a command whose other rows stand above, or say the same again."""
+BASE_ROWS = re.compile(
+    r"^  model as given .*?(?=^  coulomb_friction )|^  noise of the sensors .*?^\(missing force.*?\n", re.DOTALL | re.MULTILINE
+)
+"""Rows of `diagnose` that `compare` has shown."""
 
 
 # --------------------------------------------------------------------------- the motor
@@ -211,6 +213,7 @@ def main() -> None:
     truth = {name: record(folder, name) for name in RECORDS}["tuesday"]
     said = {name: run(folder, command) for name, command in COMMANDS.items()}
     shown = said | {name: lines_of(said[name], pattern) for name, pattern in WITHOUT_ROWS.items()}
+    shown["diagnose"] = BASE_ROWS.sub("", said["diagnose"])
     blocks = {name: f"$ {COMMANDS[name]}\n{text}" for name, text in shown.items()}
     model = {"base": MY_MOTOR.rstrip(), "model": (folder / "my_motor_2.yaml").read_text(encoding="utf-8").rstrip()}
     blocks |= {**model, "short": short(said), "predictions": predictions(folder, truth), "ros": on_ros(folder)}

@@ -285,7 +285,7 @@ def motor_with_friction() -> tuple[OutputErrorEstimator, Model]:
 
 def test_what_only_the_tolerance_tells_of_has_the_tolerance_for_its_standard_error():
     """Torque constant, inertia and friction of a motor, all times the same, move alike: three laws that left but noise
-    were refused, because friction was "0.0 of its own standard errors from nothing".
+    were refused, because friction was insignificant, with a t ratio of 0.0.
     """
     estimator, truth = motor_with_friction()
     found = estimator.fitted(["coulomb_friction"], truth)

@@ -96,8 +96,8 @@ def vague(name: str) -> str:
 
 
 def insignificant(name: str, t: float) -> str:
-    """Return that a coefficient differs from zero by too few of its standard errors."""
-    return f"{name} is {t:.1f} of its own standard errors from nothing"
+    """Return that a coefficient over its standard error, its t ratio, is too small to tell it from zero."""
+    return f"{name} is insignificant (t ratio {t:.1f})"
 
 
 def insignificant_beside_rest(name: str, t: float) -> str:
