@@ -75,7 +75,8 @@ WITHOUT_ROWS = {
 }
 """The lines that the page shows of a command whose other rows stand above, or say the same again."""
 BASE_ROWS = re.compile(
-    r"^  model as given .*?(?=^  coulomb_friction )|^  noise of the sensors .*?^\(missing force.*?\n", re.DOTALL | re.MULTILINE
+    r"^  model as given .*?(?=^  coulomb_friction )|^  noise of the sensors .*?^\(missing force.*?\n",
+    re.DOTALL | re.MULTILINE,
 )
 """Rows of `diagnose` that `compare` has shown."""
 
