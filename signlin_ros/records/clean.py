@@ -46,6 +46,10 @@ MANY_GAPS = 0.05
 """Where more than this share of the steps is long, the record is unevenly sampled rather than full of gaps.
 """
 
+MIN_STAMPS, MIN_ROWS_A_STAMP, COUNTED = 20, 1.2, 1.2
+"""Stamps and rows for each of these by which a clock is coarser than the rows, and by how many of its steps evenly
+spaced times may differ from it, from end to end."""
+
 Keep = Callable[[Heading, Sequence[Heading]], "bool | None"]
 """What to do with a column that cannot be used: see `keeper`."""
 
@@ -220,6 +224,11 @@ def _without_repeats(table: RawTable, t: Array) -> tuple[RawTable, Array]:
     again = np.flatnonzero(np.diff(t) == 0) + 1
     if not again.size:
         return table, t
+    even = _counted(t)
+    if even is not None:
+        tick, step = float(np.median(np.diff(np.unique(t)))), float(even[1] - even[0])
+        said = f"its clock counts in steps of {tick:.3g} s, and rows share a stamp: taken as evenly spaced, {step:.4g} s apart"
+        return replace(table, notes=(*table.notes, Note(said, "uneven", "t"))), even
     for head, column in zip(table.headings, table.columns, strict=True):
         now, before = column[again], column[again - 1]
         differ = (now != before) & ~(np.isnan(now) & np.isnan(before))
@@ -228,13 +237,29 @@ def _without_repeats(table: RawTable, t: Array) -> tuple[RawTable, Array]:
             rows = f"{table.rows.name(i - 1)} and {table.rows.name(i)}"
             values = f"{head.label!r} is {_shown(column[i - 1])} and {_shown(column[i])}"
             others = int(np.count_nonzero(differ)) - 1
-            more = f"; so do {others} more: where the rows are evenly spaced, --dt says by how much" if others else ""
-            raise RecordError(f"{table.source}: {rows} have the same time stamp but differ: {values}{more}")
+            more = f"; so do {others} more" if others else ""
+            way = "where the rows are evenly spaced, --dt says by how much"
+            raise RecordError(f"{table.source}: {rows} have the same time stamp but differ: {values}{more}; {way}")
     keep = np.ones(t.size, dtype=np.bool_)
     keep[again] = False
     count = "1 repeated row" if again.size == 1 else f"{again.size} repeated rows"
     said = f"{count} dropped (same stamp, same values), the first {table.rows.name(again[0])}"
     return table.take(keep, Note(said, "repeated")), t[keep]
+
+
+def _counted(t: Array) -> Array | None:
+    """Return evenly spaced times (T,) for stamps of a clock that is coarser than the rows, each within a step of the
+    clock; None where they are not even so far, or seldom the same.
+    """
+    stamps = np.unique(t)
+    if stamps.size < MIN_STAMPS or t.size < MIN_ROWS_A_STAMP * stamps.size:
+        return None
+    k = np.arange(t.size)
+    slope, start = np.polyfit(k, t, 1)
+    even = start + slope * k
+    ahead = even - t
+    tick = float(np.diff(stamps).max())
+    return np.asarray(even - even[0] + t[0]) if slope > 0.0 and np.ptp(ahead) < COUNTED * tick else None
 
 
 def _finite(table: RawTable, keep: Keep) -> RawTable:
@@ -245,7 +270,8 @@ def _finite(table: RawTable, keep: Keep) -> RawTable:
         row = int(np.argmax(np.isinf(column)))
         if keep(head, table.headings) is not False:
             fault = f"{_shown(column[row])} is not a finite number"
-            raise RecordError(f"{table.source}: {table.rows.name(row)}, column {head.label!r}: {fault}")
+            way = "leave the cell empty where a sample is missing"
+            raise RecordError(f"{table.source}: {table.rows.name(row)}, column {head.label!r}: {fault}; {way}")
     kept = [i for i in range(len(table.columns)) if i not in infinite]
     labels = [table.headings[i].label for i in infinite]
     notes = [Note(f"column {label!r} holds infinite values and is left out", "left_out", label) for label in labels]

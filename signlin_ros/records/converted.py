@@ -23,6 +23,8 @@ Array = npt.NDArray[np.float64]
 
 MAX_SI_VALUE = 1e15
 """Larger values, in SI units, are no measurements; squares of sums of them would overflow."""
+MAX_HUGE_SHARE = 0.01
+"""Share of such values up to which they are taken for missing: of a column that is full of them nothing is known."""
 NO_VALUE, CODE_DIGITS = (9.91e37, 9.9e37, 3.4028235e38, 1.7976931348623157e308), 1e-4
 """Numbers that stand for no value, and how exactly: not a number and infinity of instruments [IEEE 488.2 and SCPI 1999,
 7.2.1], the largest number of a memory that was never written."""
@@ -47,7 +49,7 @@ def converted(
         if how[0] != 1.0:
             notes.append(Note(f"{name} is converted from {unit} to {how[1]}", "converted", name))
         values[name] = _without_codes(name, signal.values, values[name], notes)
-        _check_size(record, name, signal, values[name])
+        values[name] = _without_huge(record, name, signal, values[name], notes)
         values[name] = _without_tiny(name, values[name], unit_of[name], notes)
         if unit and units.kind(wanted.split(" or ")[0]) == "linear":
             kinds[name] = units.kind(unit)
@@ -115,13 +117,18 @@ def _quoted(label: str) -> str:
     return bare if re.fullmatch(r"[\w./\[\]]+", bare) else f'"{bare}"'
 
 
-def _check_size(record: Record, name: str, signal: Signal, values: Array) -> None:
-    """Refuse what no sensor says."""
-    large = np.flatnonzero(np.abs(values) > MAX_SI_VALUE)
-    if large.size:
-        where = f"{record.source}: {record.where(int(large[0]))}, column {signal.label or name!r}"
+def _without_huge(record: Record, name: str, signal: Signal, values: Array, notes: list[Note]) -> Array:
+    """The values with what no sensor says left out, where it is seldom: memory that was not yet written; else refused."""
+    huge = np.flatnonzero(np.abs(values) > MAX_SI_VALUE)
+    if not huge.size:
+        return values
+    first = f"{record.where(int(huge[0]))}, column {signal.label or name!r}: {signal.values[huge[0]]:g} is no measurement"
+    if huge.size > MAX_HUGE_SHARE * values.size:
         allowed = f"up to {MAX_SI_VALUE:g} in size; leave the cell empty where a sample is missing"
-        raise RecordError(f"{where}: {signal.values[large[0]]:g} is no measurement; allowed: {allowed}")
+        raise RecordError(f"{record.source}: {first}; allowed: {allowed}")
+    what = "it is taken" if huge.size == 1 else f"it and {huge.size - 1} more are taken"
+    notes.append(Note(f"{name}: {first}: {what} for missing", "nothing", name))
+    return np.where(np.abs(values) > MAX_SI_VALUE, np.nan, values)
 
 
 def _without_codes(name: str, raw: Array, values: Array, notes: list[Note]) -> Array:

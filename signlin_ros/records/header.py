@@ -16,10 +16,13 @@ _BRACKETS = re.compile(r"(?P<gap> ?)(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()
 _AFTER = re.compile(r"(?P<name>[^/,]*[^/, ]) ?(?:, ?|/ ?(?=\(?[^/]+(?:/[^/]+)?\)?\Z))\(?(?P<unit>[^,()]+)\)?\Z")
 _IN = re.compile(r"(?P<name>.*?)(?:^|\s)in (?P<unit>\S+)\Z")
 _FURTHER = "elapsed elapsed_time time_stamp datetime date_time date/time clock uptime ros_time tout rel_time stime utc"
-_FURTHER += " x_value sec secs seconds millis micros zeit date"
+_FURTHER += " x_value sec secs seconds millis micros zeit date ms_today"
+_FURTHER += " temps tiempo tempo tijd tid czas cas čas aika idő zaman время час 时间 時間 時刻 时刻 시간"
 _TIMES = (*TIME_NAMES, *_FURTHER.split())
 _TIME = re.compile(rf"(?:__|%)?(?P<name>{'|'.join(_TIMES)})(?:\(\))?(?:_(?P<unit>s|sec|ms|us|ns))?\Z", re.IGNORECASE)
-_TIME_UNITS = {"millis": "ms", "micros": "us", "sec": "s", "secs": "s", "seconds": "s"}
+_TIME_UNITS = {"ms_today": "ms", "millis": "ms", "micros": "us", "sec": "s", "secs": "s", "seconds": "s"}
+_WIDE = {0xFF01 + k: 0x21 + k for k in range(94)} | {0x3000: " ", 0x3010: "[", 0x3011: "]"}
+"""Signs of the width of Chinese ones, as brackets around a unit are often written: those of ASCII."""
 _PAIR = re.compile(
     r"(?P<stem>.*?)(?P<unit>nano(?:sec|secs|seconds)|nsecs?|ns|micro(?:sec|secs|seconds)|usecs?|us)\Z", re.I
 )
@@ -81,8 +84,8 @@ class Heading:
 
 
 def tidy(text: str) -> str:
-    """The text stripped, with every run of white space as one blank."""
-    return " ".join(text.split())
+    """The text stripped, with every run of white space as one blank and the wide signs of East Asia as those of ASCII."""
+    return " ".join((text if text.isascii() else text.translate(_WIDE)).split())
 
 
 def clock(headings: Sequence[Heading]) -> Heading | None:
@@ -108,7 +111,7 @@ def pair(headings: Sequence[Heading]) -> tuple[Heading, Heading, float] | None:
 
 
 def _squeezed(text: str) -> str:
-    return "".join(text.split())
+    return "".join(tidy(text).split())
 
 
 def heading(text: str, number: int = 0) -> Heading:

@@ -115,7 +115,7 @@ def for_model(
     ------
     RecordError
         An input is missing, or has gaps too long to hold; a unit does not fit; a mapped column is not there, or mapped
-        twice; a value is beyond `MAX_SI_VALUE`; what is measured is mapped to a number.
+        twice; more than single values are beyond `MAX_SI_VALUE`; what is measured is mapped to a number.
     """
     if require not in ("inputs", "none"):
         raise RecordError(f"require must be 'inputs' or 'none', not {require!r}")

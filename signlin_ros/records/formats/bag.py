@@ -9,6 +9,7 @@ the time when it was received, as in the nodes.
 
 from __future__ import annotations
 
+import re
 import sqlite3
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping
@@ -44,6 +45,7 @@ _SCALARS = {f"std_msgs/msg/{kind}" for kind in ("Bool", "Float32", "Float64")} |
 _MULTI_ARRAYS = {f"{kind}MultiArray" for kind in _SCALARS}
 _JOINTS = "sensor_msgs/msg/JointState"
 _CONTROLLER = "control_msgs/msg/JointTrajectoryControllerState"
+_UNIT = re.compile(r"\s+\[[^\[\]]*\]\Z")
 _POINTS = ("reference", "feedback", "error", "output", "desired", "actual")
 
 
@@ -176,8 +178,10 @@ def _topics(types: Mapping[str, str], specs: Iterable[str]) -> dict[str, Topic]:
 
 
 def _split(spec: str, topics: Iterable[str]) -> tuple[str, str] | None:
-    """Topic and field of ``/topic.field``, the leading slash optional; None if the bag has no such topic."""
-    text = spec.strip()
+    """Topic and field of ``/topic.field``, the leading slash optional; None if the bag has no such topic. A unit behind
+    it, ``/topic.field [rpm]``, is none of it.
+    """
+    text = _UNIT.sub("", spec.strip())
     for whole in (text, f"/{text}"):
         found = [topic for topic in topics if whole == topic or whole.startswith(f"{topic}.")]
         if found:

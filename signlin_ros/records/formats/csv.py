@@ -23,9 +23,11 @@ from signlin_ros.errors import RecordError
 from signlin_ros.files import TEXT
 from signlin_ros.records import limits
 from signlin_ros.records.clean import Keep, RawTable
-from signlin_ros.records.formats.echo import joint_states
+from signlin_ros.records.formats.encodings import decoded
+from signlin_ros.records.formats.echo import joint_states, messages
 from signlin_ros.records.formats.layout import (
     EMPTY_CELLS,
+    GROUPED,
     MEASURED,
     Layout,
     by_number,
@@ -35,7 +37,7 @@ from signlin_ros.records.formats.layout import (
     opened,
     shortened,
 )
-from signlin_ros.records.formats.loggers import plain
+from signlin_ros.records.formats.loggers import plain, raw_frames
 from signlin_ros.records.formats.regular import regular
 from signlin_ros.records.formats.stamps import directions, times_of_day
 from signlin_ros.records.header import Heading, heading
@@ -51,8 +53,6 @@ MOST_NAMED = 3
 _NUMBER_PATTERN = r"^[-+]?\d*{}\d+(?:[eE][-+]?\d+)?$"
 _WITH_COMMA, _WITH_POINT = (re.compile(_NUMBER_PATTERN.format(mark), re.MULTILINE) for mark in (",", r"\."))
 _THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")
-_GROUPED = re.compile(r"[-+]?[1-9]\d{0,2}(?:,\d{3})+\.\d+")
-"""A number in groups of three that has a decimal point, too: without one a comma may be the decimal sign."""
 _MAX_WHOLE = 2.0**53
 """Whole numbers beyond this are no doubles: they are read as integers, and counted from the first."""
 
@@ -91,20 +91,26 @@ def read_table(path: Path, source: str, keep: Keep, asked: Sequence[str] = ()) -
     RecordError
         Empty, no rows, ragged rows, a cell that is not a number: with row, line and column named.
     """
-    decoded, notes = _decoded(_unpacked(path, source), source)
-    told = plain(decoded) or joint_states(decoded, asked)
+    letters, notes = decoded(_unpacked(path, source), source, asked)
+    if raw_frames(letters):
+        raise RecordError(
+            f"{source}: frames of a CAN bus, not decoded: {shortened(letters.split(chr(10), 1)[0])!r}; decode them first "
+            "with the bus's database (cantools, SavvyCAN, asammdf), into a table with a column for the time and one for "
+            "each signal"
+        )
+    told = plain(letters) or joint_states(letters, asked) or messages(letters)
     if told is not None:
-        decoded, notes = told[0], (*notes, told[1])
-    limits.check_cells(decoded, source)
-    found = regular(decoded, source)
+        letters, notes = told[0], (*notes, told[1])
+    limits.check_cells(letters, source)
+    found = regular(letters, source)
     if found is not None:
         shape, columns, rows = found.shape, found.columns, found.rows
         headings = [heading(cell, i + 1) for i, cell in enumerate(labelled(shape))]
         chosen = _told(headings, columns)
         said = (*notes, *shape.notes)
         return RawTable(source, [headings[i] for i in chosen], [columns[i] for i in chosen], rows, said, shape.named)
-    shape = by_number(layout(decoded, source), asked)
-    if '"' in decoded:
+    shape = by_number(layout(letters, source), asked)
+    if '"' in letters:
         _check_quotes(shape)
     text = _with_commas(_Text(replace(shape, notes=(*notes, *shape.notes)), shape.body))
     headings = [heading(cell, i + 1) for i, cell in enumerate(labelled(shape))]
@@ -153,26 +159,6 @@ def _from_zip(path: Path, source: str) -> bytes:
             raise RecordError(f"{source}: an archive must hold one text file; it has {shown}{more}")
         with archive.open(texts[0]) as stream:
             return limits.unpacked(stream, path.stat().st_size, source)
-
-
-def _decoded(raw: bytes, source: str) -> tuple[str, tuple[Note, ...]]:
-    notes: tuple[Note, ...] = ()
-    if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
-        text = raw.decode("utf-16", errors="replace")
-    else:
-        whole = len(raw)
-        raw = raw.rstrip(b"\0")
-        if len(raw) < whole:
-            notes = (Note("zeros at the end of the file, which a crash leaves, are left out", "truncated"),)
-        try:
-            text = raw.decode("utf-8-sig")
-        except UnicodeDecodeError:
-            text = raw.decode("cp1252", errors="replace")
-    if "\0" in text:
-        raise RecordError(f"{source}: this is no text file")
-    if "\r" in text:
-        text = text.replace("\r\n", "\n").replace("\r", "\n")
-    return text, notes
 
 
 def _with_commas(text: _Text) -> _Text:
@@ -345,8 +331,9 @@ def _with_units(found: Sequence[str], comma: bool) -> tuple[str, Array] | None:
 def _number(cell: str, comma: bool) -> float:
     if "_" in cell:
         raise ValueError(cell)
-    if not comma and _GROUPED.fullmatch(cell):
-        cell = cell.replace(",", "")
+    if GROUPED.fullmatch(cell):
+        last = max(cell.rfind(","), cell.rfind("."))
+        return float(re.sub(r"[^\d+-]", "", cell[:last]) + "." + cell[last + 1 :])
     return float(cell.replace(",", ".") if comma else cell)
 
 

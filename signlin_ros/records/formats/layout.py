@@ -36,6 +36,10 @@ LAYOUT_LINES_LOOKED = 200
 _COMMENT = re.compile(r"\s*(?:#|//|%(?!time\b))")
 MEASURED = re.compile(r"([-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?)\s+([^\d\s.,+-][^\s]*)")
 """A number and its unit in one cell: ``0.005 sec``."""
+GROUPED = re.compile(r"[-+]?[1-9]\d{0,2}(?:(?:[.'\u00a0\u202f ]\d{3})+,\d+|(?:[,'\u00a0\u202f ]\d{3})+\.\d+)")
+"""A number in groups of three digits, ``1.234,5`` and ``1'234.5``: its last mark is the decimal one. Without that a
+mark may be either.
+"""
 _BY_NUMBER = re.compile(r"c\d+")
 _TIMELIKE = re.compile(
     r"(?:\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}[T ]?)?\s*(?:\d{1,2}:\d\d(?::\d\d)?(?:[.,]\d*)?)?"
@@ -127,7 +131,7 @@ def is_number(cell: str) -> bool:
     try:
         float(cell.replace(",", "."))
     except ValueError:
-        return False
+        return bool(GROUPED.fullmatch(cell))
     return "_" not in cell
 
 
@@ -184,6 +188,7 @@ def _first_row(lines: Sequence[str], kept: Sequence[int], separator: str, width:
             and values
             and values >= len(there) / 3
             and _not_a_preamble(lines, kept, k, separator, width)
+            and (values == len(there) or not _named_below(lines, kept, k, separator, width))
         ):
             return k
     return None
@@ -195,6 +200,18 @@ def _not_a_preamble(lines: Sequence[str], kept: Sequence[int], k: int, separator
         return True
     row = cells(lines[kept[k + 1]], separator)
     return any(map(is_value, row)) or len(row) != width or all(cell.lower() in EMPTY_CELLS for cell in row)
+
+
+def _named_below(lines: Sequence[str], kept: Sequence[int], k: int, separator: str, width: int) -> bool:
+    """Whether a row with words is a key and its values, ``Vertical Scale,2,2``: below it all cells of a line are names
+    that stand nowhere above it, as those of a header that returns do.
+    """
+    above = {lines[i].strip() for i in kept[:k]}
+    for i in kept[k + 1 : k + LAYOUT_LINES_LOOKED]:
+        row = cells(lines[i], separator) if lines[i].strip() not in above else []
+        if len(row) == width and all(row) and not any(map(is_value, row)):
+            return True
+    return False
 
 
 def _names(

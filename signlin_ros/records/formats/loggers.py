@@ -17,6 +17,7 @@ from __future__ import annotations
 import csv
 import json
 import re
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
@@ -25,6 +26,7 @@ import numpy.typing as npt
 
 from signlin_ros.records.header import heading
 from signlin_ros.records.notes import Note
+from signlin_ros.units import conversion
 
 Array = npt.NDArray[np.float64]
 Plain = tuple[str, Note]
@@ -32,12 +34,19 @@ Plain = tuple[str, Note]
 Track = tuple[str, Array, Array]
 """Name (with its unit), times (N,) s and values (N,) of a signal."""
 
+Labelled = dict[str, tuple[float, str]]
+"""Names of a line's values, each with its number and its unit."""
+
 END = "***End_of_Header***"
 _LABELLED = re.compile(
-    r"\s*(?P<name>[A-Za-z_][\w./\[\]]*)\s*[:=]\s*(?P<value>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
+    r"\s*(?P<name>[A-Za-z_][\w./\[\]]*)\s*[:=]\s*"
+    r"(?P<value>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf|ovf)\b)"
     r"\s*(?P<unit>(?:[A-Za-zµ°%/]+(?=[,;\s]|\Z))(?!\s*[:=]))?\s*"
 )
 _FIRST = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)[,;\s]+(?=[A-Za-z_])")
+_FRAMES = re.compile(
+    r"^\s*\(\d+\.\d+\)\s+\w+\s+[0-9A-Fa-f]{3,8}(?:#|\s+\[\d+\])|^base (?:hex|dec)\s+timestamps ", re.MULTILINE
+)
 _PAIRS = re.compile(r"[,;\s]*")
 _LISTS = re.compile(r'^[^"\[{]+\n(?:[^\n"]*[,;\t])?"\[\s*[-+.\d]')
 LABEL_LINES = 50
@@ -46,6 +55,11 @@ VOLTS = ("volt", "volts", "v")
 """What an oscilloscope calls what a probe shows, whatever that measures: no unit of it."""
 TICKS = 1e-7
 """What the stamps of TwinCAT count in, in s, where it is not ms."""
+
+
+def raw_frames(text: str) -> bool:
+    """Tell whether a text is a log of a CAN bus whose frames nobody has decoded, of candump or Vector (.asc)."""
+    return bool(_FRAMES.search(text[:4000]))
 
 
 def plain(text: str) -> Plain | None:
@@ -273,42 +287,70 @@ def _tektronix(lines: Sequence[str]) -> Plain | None:
 
 
 def _labelled(text: str) -> Plain | None:
-    """Return rows of labels with values, as ``t:0.005,u:1.2``, or of JSON; other lines are left out."""
+    """Return rows of labels with values, as ``t:0.005,u:1.2``, or of JSON; other lines are left out, and a last one
+    that a crash cut off.
+    """
     lines = [line for line in text.split("\n") if line.strip()]
-    read: Callable[[str], dict[str, float] | None] = _json if lines and lines[0].lstrip().startswith("{") else _pairs
+    read: Callable[[str], Labelled | None] = _json if lines and lines[0].lstrip().startswith("{") else _pairs
     looked = [read(line) for line in lines[-LABEL_LINES:]]
     good = [one for one in looked if one]
     if len(lines) < 3 or len(good) < 0.8 * len(looked) or len(good[0]) < 2:
         return None
     found = [one for one in map(read, lines) if one]
+    cut = not text.endswith("\n") and len(found) > 1 and _cut(found[-1], found[-2])
+    found = found[:-1] if cut else found
     names = list(dict.fromkeys(name for one in found for name in one))
-    columns = [np.array([one.get(name, np.nan) for one in found]) for name in names]
+    columns, heads = [], []
+    for name in names:
+        values, unit = _of_label([one.get(name) for one in found])
+        columns.append(values)
+        heads.append(_quoted(_with_unit(name, unit)))
     lost = len(lines) - len(found)
-    said = f"values with labels: {', '.join(names)}" + (f"; {lost} other lines are left out" if lost else "")
-    return _lines(",".join(map(_quoted, names)), columns), Note(said, "format")
+    said = f"values with labels: {', '.join(heads)}" + (f"; {lost} other lines are left out" if lost else "")
+    return _lines(",".join(heads), columns), Note(said, "format")
 
 
-def _pairs(line: str) -> dict[str, float] | None:
-    """Return names and numbers of a line of nothing else."""
-    found, at = dict[str, float](), 0
+def _cut(last: Labelled, before: Labelled) -> bool:
+    """Tell whether a last line has fewer labels, or units, than the one before it."""
+    return {k: u for k, (_, u) in last.items()} != {k: u for k, (_, u) in before.items()}
+
+
+def _of_label(cells: Sequence[tuple[float, str] | None]) -> tuple[Array, str]:
+    """Return the values (R,) of a label in the unit that most of them state, and that unit; NaN where there is none, or
+    one in a unit of something else.
+    """
+    stated = Counter(cell[1] for cell in cells if cell is not None)
+    unit = stated.most_common(1)[0][0]
+    factors = {one: 1.0 if one == unit else (conversion(one, unit) or (np.nan, ""))[0] for one in stated}
+    return np.array([np.nan if cell is None else cell[0] * factors[cell[1]] for cell in cells]), unit
+
+
+def _pairs(line: str) -> Labelled | None:
+    """Return names, numbers and units of a line of nothing else."""
+    found, at = Labelled(), 0
     if bare := _FIRST.match(line):
-        found["c1"], at = float(bare[1]), bare.end()
+        found["c1"], at = (float(bare[1]), ""), bare.end()
     while at < len(line.rstrip()):
         match = _LABELLED.match(line, at)
         if match is None:
             return None
-        found[_with_unit(match["name"], match["unit"] or "")] = float(match["value"])
+        found[match["name"]] = _value(match["value"]), match["unit"] or ""
         between = _PAIRS.match(line, match.end())
         at = between.end() if between else match.end()
     return found if len(found) > 1 or "c1" not in found else None
 
 
-def _json(line: str) -> dict[str, float] | None:
+def _value(cell: str) -> float:
+    """Return a number; NaN for what a microcontroller prints where it has none."""
+    return np.nan if cell[-1] in "nf" else float(cell)
+
+
+def _json(line: str) -> Labelled | None:
     try:
         row = json.loads(line)
     except ValueError:
         return None
-    return dict(_leaves(row)) or None if isinstance(row, dict) else None
+    return {name: (value, "") for name, value in _leaves(row)} or None if isinstance(row, dict) else None
 
 
 def _leaves(value: Any, name: str = "") -> Iterator[tuple[str, float]]:
@@ -348,4 +390,4 @@ def _numbers_in(cell: str) -> list[str]:
     return [part for part in re.split(r"[\s,;]+", cell.strip().strip("[]()")) if part]
 
 
-__all__ = ["plain"]
+__all__ = ["plain", "raw_frames"]
