@@ -8,7 +8,7 @@ from signlin_ros.checks.base import Check
 from signlin_ros.checks.finding import Finding
 from signlin_ros.checks.look import Look
 
-FAULTS = ("sorted", "cut", "repeated", "truncated", "gap", "filled", "missing", "undefined", "assumed")
+FAULTS = ("sorted", "cut", "repeated", "truncated", "gap", "filled", "missing", "undefined", "assumed", "nothing")
 """Kinds of notes of a reader (`signlin_ros.records`) that tell of a fault which it put right."""
 
 

@@ -16,6 +16,8 @@ MAX_FACTOR_RATIO = 1.35
 """A unit is meant where the factor that suits best is no more than this away from it."""
 GEAR = 3.0
 """Smaller factors are a matter of the model's parameters."""
+MAX_GEAR = 2e5
+"""Larger ones are none of a gear or of a unit: of a bar there are 1e5 Pa."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,7 @@ def gears(look: Look, p: LinearPrediction | Together) -> Iterator[Reading]:
         if not _recorded(name, p):
             continue
         factor = _best(p, name)
-        if GEAR < abs(factor) < 1e5 or GEAR < 1.0 / max(abs(factor), 1e-12) < 1e5:
+        if GEAR < abs(factor) < MAX_GEAR or GEAR < 1.0 / max(abs(factor), 1e-12) < MAX_GEAR:
             yield gear(look, name, factor)
 
 
@@ -109,7 +111,7 @@ def _recorded(name: str, p: LinearPrediction | Together) -> bool:
 
 def _best(p: LinearPrediction | Together, name: str) -> float:
     """Return by what a signal is to be divided so that the least is left of all channels."""
-    grid = [sign * 10.0**k for sign in (1.0, -1.0) for k in [i / 20 for i in range(-90, 91)]]
+    grid = [sign * 10.0**k for sign in (1.0, -1.0) for k in [i / 20 for i in range(-110, 111)]]
     best = int(np.argmin(p.lefts([{name: 1.0 / factor} for factor in grid])))
     return float(grid[best])
 

@@ -20,6 +20,7 @@ from signlin_ros.checks.repeated_values import RepeatedValues
 from signlin_ros.checks.short_record import ShortRecord
 from signlin_ros.checks.slow_sampling import SlowSampling
 from signlin_ros.checks.sparse_channel import SparseChannel
+from signlin_ros.checks.speed_command import SpeedCommand
 from signlin_ros.checks.time_unit import TimeUnit
 from signlin_ros.checks.two_sources import TwoSources
 from signlin_ros.checks.unit_or_sign import UnitOrSign
@@ -41,6 +42,7 @@ CHECKS: tuple[type[Check], ...] = (
     TimeUnit,
     UnsignedInput,
     PositionCommand,
+    SpeedCommand,
     Exchanged,
     UnitOrSign,
     PositionVelocity,

@@ -51,7 +51,7 @@ class TwoSources(Check):
         if zeros:
             yield self._dropped(look, zeros)
         for name in look.record.inputs:
-            found = _zeros(look.of(name))
+            found = _zeros(look.of(name), BURST)
             if found is not None and np.ptp(look.of(name)[look.of(name) != 0.0]) > 0:
                 yield self._held(look, name, found)
         for name in (n for n in look.channels if n not in zeros):

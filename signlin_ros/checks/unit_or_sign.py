@@ -34,6 +34,8 @@ MAX_NEEDED_RATIO = 0.7
 GUESS = 0.5
 """A tolerance of the model's parameters from which on they are guesses: then a factor, or two units, are no reason to
 refuse."""
+MAX_GUESS = math.log(10.0)
+"""Logarithm of the factor by which nobody guesses wrong."""
 TOLERANCE_PARTS = (-1.0, -0.5, 0.5, 1.0)
 """Of its tolerance, by which a guess may be off."""
 
@@ -83,7 +85,8 @@ class UnitOrSign(OfColumns):
         limit = min(MAX_ERROR_RATIO * before, MAX_GOOD_RESIDUAL)
         fits = _fitting(looks, p, limit, (*signs(look, p), *units(look, p)))
         strict = STRICTER * limit
-        fits = fits or _fitting(looks, p, strict, pairs(look, p)) or _fitting(looks, p, strict, gears(look, p))
+        two = [reading for reading in pairs(look, p) if not _stated(look) & reading.divided.keys()]
+        fits = fits or _fitting(looks, p, strict, two) or _fitting(looks, p, strict, gears(look, p))
         fits = _by_force(looks, p, fits)
         if not fits:
             return
@@ -93,6 +96,7 @@ class UnitOrSign(OfColumns):
         likely = sorted(
             (item for item in fits if item[0] <= MAX_EQUAL_RATIO * best), key=lambda item: _rank(look, item[1])
         )
+        likely = [item for item in likely if not _stated(look) & item[1].divided.keys()] or likely
         needed = best < MAX_ERROR_RATIO * p.left(
             dict.fromkeys(look.record.inputs, 0.0)
         )  # a noisy input leaves more than none
@@ -103,8 +107,8 @@ class UnitOrSign(OfColumns):
         names = tuple(r.divided)
         sign = r.only_sign
         doubt = f" (as well as: {first.words})" if first else ""
-        said = {note.channel for note in as_notes(look.record.notes) if note.kind == "converted"} & {*names}
-        doubtful = not needed or said or (r.far_fetched and _guessed(look.model))  # whoever names a unit knows it
+        said = _stated(look) & {*names}
+        doubtful = not needed or said or _may_be_guess(look, r)  # whoever names a unit knows it
         severity = "offer" if sign or doubtful else "refuse"
         return Finding(
             self.name,
@@ -116,6 +120,16 @@ class UnitOrSign(OfColumns):
             columns=True,
             action=divided(r.divided),
         )
+
+
+def _stated(look: Look) -> set[str]:
+    """Return the signals whose unit the record states."""
+    return {note.channel for note in as_notes(look.record.notes) if note.kind == "converted"}
+
+
+def _may_be_guess(look: Look, r: Reading) -> bool:
+    """Tell whether a reading may as well be parameters that are guesses: not by a factor beyond `MAX_GUESS`."""
+    return r.far_fetched and _guessed(look.model) and max(abs(math.log(abs(f))) for f in r.divided.values()) < MAX_GUESS
 
 
 def _guessed(model: Model) -> bool:

@@ -227,8 +227,9 @@ def _without_repeats(table: RawTable, t: Array) -> tuple[RawTable, Array]:
     even = _counted(t)
     if even is not None:
         tick, step = float(np.median(np.diff(np.unique(t)))), float(even[1] - even[0])
-        said = f"its clock counts in steps of {tick:.3g} s, and rows share a stamp: taken as evenly spaced, {step:.4g} s apart"
-        return replace(table, notes=(*table.notes, Note(said, "uneven", "t"))), even
+        said = f"its clock counts in steps of {tick:.3g} s, and rows share a stamp"
+        said = f"{said}: taken as evenly spaced, {step:.4g} s apart"
+        return replace(table, notes=(*table.notes, Note(said, "assumed", "t"))), even
     for head, column in zip(table.headings, table.columns, strict=True):
         now, before = column[again], column[again - 1]
         differ = (now != before) & ~(np.isnan(now) & np.isnan(before))
@@ -258,7 +259,7 @@ def _counted(t: Array) -> Array | None:
     slope, start = np.polyfit(k, t, 1)
     even = start + slope * k
     ahead = even - t
-    tick = float(np.diff(stamps).max())
+    tick = float(np.median(np.diff(stamps)))
     return np.asarray(even - even[0] + t[0]) if slope > 0.0 and np.ptp(ahead) < COUNTED * tick else None
 
 

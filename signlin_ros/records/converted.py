@@ -101,7 +101,7 @@ def _how(record: Record, name: str, key: str, wanted: str, mapped: bool, turns: 
         return "", (1.0, wanted)
     known = f"in {signal.unit!r}" + ("" if units.parse(signal.unit) is not None else ", which is no unit that is known")
     formula = mapped and is_formula(label)
-    term = split_unit(label)[0] if formula else _quoted(label)
+    term = split_unit(label)[0] if formula else quoted(label)
     factor = f"FACTOR * ({term})" if formula else f"FACTOR * {term}"
     needed = units.rotary(wanted) if turns else wanted
     what = f"{'formula' if formula else 'column'} {label!r}"
@@ -111,18 +111,20 @@ def _how(record: Record, name: str, key: str, wanted: str, mapped: bool, turns: 
     )
 
 
-def _quoted(label: str) -> str:
+def quoted(label: str) -> str:
     """A column's name as a formula takes it."""
     bare = heading(label).name
     return bare if re.fullmatch(r"[\w./\[\]]+", bare) else f'"{bare}"'
 
 
 def _without_huge(record: Record, name: str, signal: Signal, values: Array, notes: list[Note]) -> Array:
-    """The values with what no sensor says left out, where it is seldom: memory that was not yet written; else refused."""
+    """The values without what no sensor says, where it is seldom: memory that was not yet written; else refused."""
     huge = np.flatnonzero(np.abs(values) > MAX_SI_VALUE)
     if not huge.size:
         return values
-    first = f"{record.where(int(huge[0]))}, column {signal.label or name!r}: {signal.values[huge[0]]:g} is no measurement"
+    first = (
+        f"{record.where(int(huge[0]))}, column {signal.label or name!r}: {signal.values[huge[0]]:g} is no measurement"
+    )
     if huge.size > MAX_HUGE_SHARE * values.size:
         allowed = f"up to {MAX_SI_VALUE:g} in size; leave the cell empty where a sample is missing"
         raise RecordError(f"{record.source}: {first}; allowed: {allowed}")

@@ -84,7 +84,7 @@ class Heading:
 
 
 def tidy(text: str) -> str:
-    """The text stripped, with every run of white space as one blank and the wide signs of East Asia as those of ASCII."""
+    """The text stripped, every run of white space as one blank, the wide signs of East Asia as those of ASCII."""
     return " ".join((text if text.isascii() else text.translate(_WIDE)).split())
 
 

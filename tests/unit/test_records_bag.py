@@ -149,6 +149,14 @@ def test_labels_name_the_values(bag: Callable[[Messages], Path]) -> None:
     np.testing.assert_array_equal(mapped.signals["omega"].values, 10.0 * np.arange(5))
 
 
+def test_a_unit_may_stand_behind_a_topic(bag: Callable[[Messages], Path]) -> None:
+    signals = {"voltage": "/input.data[0]", "speed": "/state.data[1] [rpm]"}
+    path = bag(run())
+    plain = read_for_model(path, motor(), {**signals, "speed": "/state.data[1]"})
+    data = read_for_model(path, motor(), signals)
+    np.testing.assert_allclose(data.measured["speed"], plain.measured["speed"] * np.pi / 30)
+
+
 def test_mapping(bag: Callable[[Messages], Path]) -> None:
     messages: Messages = []
     for i in range(10):

@@ -56,8 +56,14 @@ def test_points_in_another_column_do_not_hide_decimal_commas(read: Read, cell: s
 
 
 def test_a_cell_with_comma_and_point_is_named_as_it_stands(read: Read) -> None:
-    message = refused(read, "t;voltage\n0;2,5\n1;1.234,5\n")
-    assert "row 2 (line 3), column 'voltage': '1.234,5' is not a number; other numbers have a decimal comma" in message
+    message = refused(read, "t;voltage\n0;2,5\n1;12.34,5\n")
+    assert "row 2 (line 3), column 'voltage': '12.34,5' is not a number; other numbers have a decimal comma" in message
+
+
+@pytest.mark.parametrize("grouped", ["-1.234,5", "-1'234,5", "-1 234,5", "-1\u00a0234,5", "-1\u202f234,5"])
+def test_digits_in_groups_of_three_are_one_number(read: Read, grouped: str) -> None:
+    found = read(f"t;voltage\n0;2,5\n1;{grouped}\n2;-0,5\n").signals["voltage"].values
+    np.testing.assert_array_equal(found, [2.5, -1234.5, -0.5])
 
 
 def test_commas_and_points_in_one_column_are_refused(read: Read) -> None:

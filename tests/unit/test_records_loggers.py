@@ -41,6 +41,18 @@ LOGGERS = {
     "labels.txt": "ready\n" + "\n".join(f"t:{1e3 * t}ms, a: {a}, b: {b}" for t, a, b in ROWS),
     "lines.jsonl": "\n".join(f'{{"t": {t}, "a": {a}, "b": {b}, "s": "x"}}' for t, a, b in ROWS),
     "cells.csv": "Time,a,b\n" + "\n".join(f"{1e3 * t} ms,{a} V,{b} V" for t, a, b in ROWS),
+    "boot.txt": "ets Jul 29 2019 12:21\nrst:0x1 (POWERON_RESET),boot:0x13\n"
+    + "\n".join(
+        f"t={1e3 * t}ms a={a if k % 3 else 1e3 * a}{'V' if k % 3 else 'mV'} b={b}" for k, (t, a, b) in enumerate(ROWS)
+    )
+    + "\nt=200.0ms a=5",
+    "keys.csv": "Model,M\nSample Interval,0.005,\nProbe Attenuation,10,1\nVertical Units,V,V\nLabel,,\n\nTIME,a,b\n"
+    + "\n".join(f"{t},{a},{b}" for t, a, b in ROWS),
+    "echo.txt": "---\n".join(
+        f"header:\n  stamp:\n    sec: 1719000000\n    nanosec: {5_000_000 * k}\n  frame_id: ''\n"
+        f"a: {a}\nnames:\n- x\nvelocity: []\nload:\n  b: {b}\n"
+        for k, (_, a, b) in enumerate(ROWS)
+    ),
     "cut.csv": "t,a,b\n" + "\n".join(f"{t},{a},{b}" for t, a, b in ROWS) + "\n0.2,3\n",
 }
 
@@ -52,8 +64,35 @@ def test_loggers_that_write_no_plain_table(name: str, tmp_path: Path) -> None:
     record = read_record(file)
     assert len(record) == 40
     np.testing.assert_allclose(np.diff(record.t), 0.005, atol=1e-9)
-    for column, signal in zip(np.array(ROWS).T[1:], ("a", "b"), strict=True):
+    for column, signal in zip(np.array(ROWS).T[1:], ("a", "load.b" if name == "echo.txt" else "b"), strict=True):
         np.testing.assert_allclose(record.signals[record.require(signal)].values, column, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "(1719000000.000000) can0 141#FF0B000100000000\n" * 3,
+        " (1719000000.000000)  can0  141   [8]  FF 0B 00 01 00 00 00 00\n" * 3,
+        "date Mon Jul 1 10:00:00 2024\nbase hex  timestamps absolute\n 0.1 1 141 Rx d 8 FF 0B\n",
+    ],
+)
+def test_raw_frames_are_called_so(text: str, tmp_path: Path) -> None:
+    (tmp_path / "run.log").write_text(text)
+    with pytest.raises(RecordError, match="frames of a CAN bus, not decoded"):
+        read_record(tmp_path / "run.log")
+
+
+@pytest.mark.parametrize("sent", [2, 3])
+def test_a_clock_that_is_coarser_than_the_rows(sent: int, tmp_path: Path) -> None:
+    stamps = [0.01 * sent * (k // sent) for k in range(120)]
+    (tmp_path / "run.csv").write_text("t,a\n" + "\n".join(f"{t:.2f},{k}" for k, t in enumerate(stamps)))
+    record = read_record(tmp_path / "run.csv")
+    np.testing.assert_allclose(np.diff(record.t), 0.01, rtol=0.02)
+    assert any("share a stamp" in note for note in record.notes)
+    jumping = [t + (0.3 if k > 60 else 0.0) for k, t in enumerate(stamps)]
+    (tmp_path / "run.csv").write_text("t,a\n" + "\n".join(f"{t:.2f},{k}" for k, t in enumerate(jumping)))
+    with pytest.raises(RecordError, match=r"same time stamp but differ.*--dt"):
+        read_record(tmp_path / "run.csv")
 
 
 PARTS = {

@@ -395,6 +395,15 @@ def test_what_no_sensor_says_is_refused_by_row_and_column(csv: Callable[[str], P
     assert data.unused == ("other",)
 
 
+def test_memory_that_was_never_written_is_missing(csv: Callable[[str], Path]) -> None:
+    rows = [f"{0.01 * k:.2f},1,{'1.2e308' if k == 2 else k}" for k in range(200)]
+    data = read_for_model(csv("t,voltage,speed\n" + "\n".join(rows) + "\n"), motor())
+    assert np.flatnonzero(np.isnan(data.measured["speed"])).tolist() == [2]
+    assert any(
+        "row 3 (line 4), column 'speed': 1.2e+308 is no measurement: it is taken for missing" in n for n in data.notes
+    )
+
+
 @pytest.mark.parametrize("held", [True, False])
 def test_a_rate_that_was_held_is_told_from_a_smooth_one_by_the_force(held: bool) -> None:
     t = np.arange(400) * 0.005

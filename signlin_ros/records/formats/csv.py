@@ -23,8 +23,8 @@ from signlin_ros.errors import RecordError
 from signlin_ros.files import TEXT
 from signlin_ros.records import limits
 from signlin_ros.records.clean import Keep, RawTable
-from signlin_ros.records.formats.encodings import decoded
 from signlin_ros.records.formats.echo import joint_states, messages
+from signlin_ros.records.formats.encodings import decoded
 from signlin_ros.records.formats.layout import (
     EMPTY_CELLS,
     GROUPED,
@@ -94,9 +94,9 @@ def read_table(path: Path, source: str, keep: Keep, asked: Sequence[str] = ()) -
     letters, notes = decoded(_unpacked(path, source), source, asked)
     if raw_frames(letters):
         raise RecordError(
-            f"{source}: frames of a CAN bus, not decoded: {shortened(letters.split(chr(10), 1)[0])!r}; decode them first "
-            "with the bus's database (cantools, SavvyCAN, asammdf), into a table with a column for the time and one for "
-            "each signal"
+            f"{source}: frames of a CAN bus, not decoded: {shortened(letters.split(chr(10), 1)[0])!r}; decode them "
+            "first with the bus's database (cantools, SavvyCAN, asammdf), into a table with a column for the time and "
+            "one for each signal"
         )
     told = plain(letters) or joint_states(letters, asked) or messages(letters)
     if told is not None:

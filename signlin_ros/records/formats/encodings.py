@@ -17,7 +17,13 @@ from signlin_ros.records.notes import Note
 LEGACY = {"euc_kr": "EUC-KR", "gb18030": "GB 18030", "cp932": "Shift-JIS", "big5": "Big5", "cp1251": "Windows-1251"}
 """Encodings that are tried before that of western Europe: Python's name, and the one in words. Korean syllables come
 first: they take half of what Chinese signs do."""
-SCRIPTS = {"euc_kr": {"HANGUL"}, "gb18030": {"JAPANESE"}, "cp932": {"JAPANESE"}, "big5": {"JAPANESE"}, "cp1251": {"CYRILLIC"}}
+SCRIPTS = {
+    "euc_kr": {"HANGUL"},
+    "gb18030": {"JAPANESE"},
+    "cp932": {"JAPANESE"},
+    "big5": {"JAPANESE"},
+    "cp1251": {"CYRILLIC"},
+}
 """The script that each is for: that of Japan holds the Chinese signs."""
 WESTERN = "cp1252"
 LINES_LOOKED = 50
@@ -58,12 +64,8 @@ def decoded(raw: bytes, source: str, asked: Iterable[str] = ()) -> tuple[str, tu
 def _encoding(raw: bytes, asked: Sequence[str]) -> str:
     """Return the encoding of a text that is no UTF-8."""
     lines = [line for line in re.split(rb"[\r\n]+", raw[: 1 << 16])[:LINES_LOOKED] if _HIGH.search(line)]
-    found = {}
-    for name in (*LEGACY, WESTERN):
-        try:
-            found[name] = b"\n".join(lines).decode(name)
-        except UnicodeDecodeError:
-            continue
+    texts = {name: b"\n".join(lines).decode(name, errors="replace") for name in (*LEGACY, WESTERN)}
+    found = {name: text for name, text in texts.items() if "\ufffd" not in text}
     words = {word for spec in asked for word in _WORD.findall(spec) if not word.isascii()}
     for name, text in found.items():
         if words and all(word in text for word in words):
