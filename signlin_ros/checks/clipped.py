@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,8 @@ class Clipped(Check):
     elsewhere, and so long that a smooth turn meanwhile goes on for more than a step of the sensor. With noise or digits
     beyond one step the chance of one such run is below 10^-6 a record; a drive that comes to rest at an extreme slows
     down before: where that would end its way long before a smooth turn has lasted as long as the run, it rests there.
+    A limit that is known by then, of another record with the same columns or with the other sign, is one for every run
+    at it, however it is entered.
     Cure: of a measured channel, samples at the limit are taken for missing (``blank_NAME``); an input acted as it was
     logged, and is only noted.
     """
@@ -51,12 +53,19 @@ class Clipped(Check):
 
     def find(self, look: Look) -> Iterator[Finding]:
         """Yield a finding for each clipped channel."""
+        yield from self._found(look, _known([look]))
+
+    def find_each(self, looks: Sequence[Look]) -> list[list[Finding]]:
+        """Return the findings in each record; the limits of a channel are those of all with the same columns."""
+        known = _known(looks)
+        return [list(self._found(look, known)) for look in looks]
+
+    def _found(self, look: Look, known: Mapping[str, frozenset[float]]) -> Iterator[Finding]:
         for name in (*look.channels, *look.record.inputs):
-            values = look.of(name)
-            measured = name in look.channels
-            at = _clipped(values, look.quantum(name) if measured else 0.0, 0.0 if measured else LIMIT_OVER_LARGEST)
+            at = _at_limits(look, name, known[name]) if known[name] else None
             if at is None:
                 continue
+            values = look.of(name)
             percent, sides = 100.0 * float(at.mean()), np.unique(values[at])
             limits = " and ".join(f"{value:.4g}" for value in sides)
             where = f"at {limits} {look.unit(name)} for {percent:.2g} % of the time"
@@ -79,10 +88,31 @@ class Clipped(Check):
             )
 
 
-def _clipped(values: Array, quantum: float, least: float) -> Mask | None:
+def _known(looks: Sequence[Look]) -> dict[str, frozenset[float]]:
+    """Return the limits of every channel and input that some records show, of both signs."""
+    found: dict[str, frozenset[float]] = {}
+    for name in {name for look in looks for name in (*look.channels, *look.record.inputs)}:
+        sides = [
+            (look.of(name), _at_limits(look, name))
+            for look in looks
+            if name in look.record.inputs or name in look.channels
+        ]
+        limits = np.concatenate([values[at] for values, at in sides if at is not None] or [np.zeros(0)])
+        found[name] = frozenset((np.unique([limits, -limits])).tolist())
+    return found
+
+
+def _at_limits(look: Look, name: str, known: frozenset[float] = frozenset()) -> Mask | None:
+    """Return where (T,) a channel or an input of a record is at its limits, or at some that are known."""
+    measured = name in look.channels
+    quantum, least = (look.quantum(name), 0.0) if measured else (0.0, LIMIT_OVER_LARGEST)
+    return _clipped(look.of(name), quantum, least, known)
+
+
+def _clipped(values: Array, quantum: float, least: float, known: frozenset[float] = frozenset()) -> Mask | None:
     """Return where (T,) values are clipped; None where they are not, or so rarely that it does not matter.
 
-    ``least``: a limit is this share of the largest value, or more.
+    ``least``: a limit is this share of the largest value, or more; ``known``: such as are limits anyway.
     """
     good = np.isfinite(values)
     if good.sum() < 5 * MIN_SAMPLES:
@@ -93,7 +123,10 @@ def _clipped(values: Array, quantum: float, least: float) -> Mask | None:
         return None
     limits = [limit for limit in (filled.max(), filled.min()) if abs(limit) >= least * np.abs(filled).max()]
     steps = [max(quantum, _step(filled, limit)) for limit in limits]
-    sides = [_runs(filled, filled == limit, quantum, step) for limit, step in zip(limits, steps, strict=True)]
+    sides = [
+        _long(filled == limit) if limit in known else _runs(filled, filled == limit, quantum, step)
+        for limit, step in zip(limits, steps, strict=True)
+    ]
     sides = [side for side in sides if side.any()]
     found = np.any(sides, axis=0) if sides else np.zeros(0, dtype=bool)
     return found if found.sum() >= max(MIN_SAMPLES_AT_LIMIT, MIN_SHARE_AT_LIMIT * values.size) else None
@@ -134,6 +167,15 @@ def _hidden(values: Array, begins: Index, ends: Index) -> Array:
     before, after = np.maximum(begins - run, 0), np.minimum(ends - 1 + run, values.size - 1)
     aside = 0.5 * (np.abs(values[begins] - values[before]) + np.abs(values[begins] - values[after]))
     return np.asarray(aside / 8.0)
+
+
+def _long(at: Mask) -> Mask:
+    """Return the samples (T,) in runs of `RUN` and more."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], at, [False]]).astype(int)))
+    kept = np.zeros(at.size, dtype=bool)
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        kept[begin:end] = end - begin >= RUN
+    return kept
 
 
 def _runs(values: Array, at: Mask, quantum: float, step: float) -> Mask:
