@@ -45,21 +45,21 @@ $(PAGES): $(STAMP)
 	@$(PIP) install -q -c constraints.txt -e '.[docs]' > $(VENV)/install_docs.log 2>&1 || { cat $(VENV)/install_docs.log >&2; exit 1; }
 	@touch $@
 
-# Tests run side by side, one more than there are processors, since those with ROS mostly wait: `make test WORKERS=0` runs
-# them one after the other.
-WORKERS ?= $(shell expr $$(nproc 2>/dev/null || echo 2) + 1)
+# Tests run side by side, two more than there are processors, since those with ROS and those with a browser mostly wait:
+# `make test WORKERS=0` runs them one after the other. `make test TESTS=tests/unit` runs some of them.
+WORKERS ?= $(shell expr $$(nproc 2>/dev/null || echo 2) + 2)
+TESTS   ?= tests docs/learn
 test test-all quick: export OPENBLAS_NUM_THREADS ?= 1
 # Hundreds of processes are started: each would compile every module anew where Python is told to keep no bytecode.
 test test-all quick: export PYTHONDONTWRITEBYTECODE :=
 quick: WORKERS = logical
-PYTEST = $(BIN)/python -m pytest -q -n $(WORKERS) --maxprocesses=8 --dist=loadgroup --no-loadscope-reorder
+PYTEST = $(BIN)/python -m pytest -q -p no:anyio -n $(WORKERS) --maxprocesses=8 --dist=loadgroup --no-loadscope-reorder
 
 test: check      ## lint, types, import rules and the tests, but for those that take long
-	$(PYTEST) -m 'not long and not limit' $(PYTEST_ARGS)
-	$(BIN)/python -m pytest -q --nbmake docs/learn
+	$(PYTEST) --nbmake -m 'not long and not limit' $(TESTS) $(PYTEST_ARGS)
 
 test-all: check  ## the same with the tests that take long
-	$(PYTEST) -m 'not limit' $(PYTEST_ARGS)
+	$(PYTEST) --nbmake -m 'not limit' $(TESTS) $(PYTEST_ARGS)
 
 limits: install  ## the known failures (docs/limitations.md), strictly: one that has been mended shows here
 	$(PYTEST) -m limit $(PYTEST_ARGS)

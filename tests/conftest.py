@@ -28,6 +28,8 @@ LONGEST = {line: place for place, line in enumerate((HERE / "longest.txt").read_
 would keep a single processor busy at the end. Names that are not there any more do no harm.
 """
 SPENT = "processor time"
+BEGUN = pytest.StashKey[float]()
+"""Processor time of this process and those that it has waited for, before a test."""
 
 settings.register_profile("signlin", deadline=None)  # on a busy machine an example may take long: no failure
 settings.load_profile("signlin")
@@ -51,7 +53,8 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 
 
 def _folder(path: Path) -> str:
-    return path.relative_to(HERE).parts[0] if HERE in path.parents else str(path.parent)
+    root = next((one for one in (HERE, HERE.parent) if one in path.parents), None)
+    return path.relative_to(root).parts[0] if root else str(path.parent)
 
 
 @pytest.hookimpl(tryfirst=True)  # before those that select by marker and give out by group
@@ -78,7 +81,7 @@ def _give_group(item: pytest.Item) -> None:
     if item.get_closest_marker("ros"):
         item.add_marker(pytest.mark.xdist_group("ros"))
     elif _folder(item.path) != "diagnosis":
-        item.add_marker(pytest.mark.xdist_group(item.path.relative_to(HERE).as_posix()))
+        item.add_marker(pytest.mark.xdist_group(item.path.relative_to(HERE.parent).as_posix()))
 
 
 def _turn(item: pytest.Item) -> tuple[int, int]:
@@ -102,21 +105,28 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
     return (yield)
 
 
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
-    before = sum(os.times()[:4])
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> Iterator[None]:
+    item.stash[BEGUN] = sum(os.times()[:4])
+    return (yield)
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_runtest_teardown(item: pytest.Item) -> Iterator[None]:
     try:
         return (yield)
-    finally:
-        item.user_properties.append((SPENT, sum(os.times()[:4]) - before))
+    finally:  # told with the report of the teardown
+        item.user_properties.append((SPENT, sum(os.times()[:4]) - item.stash[BEGUN]))
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Tell the seconds of processor time that the tests of each folder took, processes that they started included."""
+    """Tell the seconds of processor time that the tests of each folder took, with their fixtures and the processes that
+    they started and ended. Collecting, and what lives as long as a worker (a browser), is not in it.
+    """
     spent: defaultdict[str, float] = defaultdict(float)
     for reports in terminalreporter.stats.values():
         for report in reports:
-            if getattr(report, "when", "") == "call":
+            if getattr(report, "when", "") == "teardown":
                 spent[_folder(HERE.parent / report.location[0])] += dict(report.user_properties).get(SPENT, 0.0)
     told = ", ".join(f"{folder} {seconds:.0f} s" for folder, seconds in sorted(spent.items()))
     terminalreporter.write_line(f"{SPENT}: {told or 'none'}")

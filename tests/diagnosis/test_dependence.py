@@ -76,6 +76,7 @@ def test_a_spring_in_the_catalogue_is_named_all_the_same():
     assert found.parameters["cubic_stiffness.k3"].value == pytest.approx(3e8, rel=0.03)
 
 
+@pytest.mark.long  # a friction of this shape on a lift: test_several
 def test_a_friction_that_no_effect_describes_is_not_explained():
     element = Model.load("force_element")
     for name in list(element.effects):

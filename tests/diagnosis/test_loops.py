@@ -42,7 +42,7 @@ def test_where_a_record_starts_is_no_matter_of_what_observes_it(records):
     assert found.residual_is_noise
 
 
-@pytest.mark.parametrize("index", [39, 41, 45])
+@pytest.mark.parametrize("index", [pytest.param(39, marks=pytest.mark.long), 41, 45])
 def test_one_loop_is_named_alone(records, index):
     """39: forces misread the mass by 4 %, at which it was held: a compliant load beside it. 41: a position that nobody
     measured. 45: a proposal of another law had tried its own values of this one only.

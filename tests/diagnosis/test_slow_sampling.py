@@ -26,7 +26,7 @@ def record(model: Model, seed: int) -> ModelData:
     return ModelData(times, u, measured, None, model.inputs, model.states, units)
 
 
-@pytest.fixture(scope="module", params=[1e-5])
+@pytest.fixture(scope="module", params=[1e-4, pytest.param(1e-5, marks=pytest.mark.long)])
 def motor(request) -> Model:
     model = Model.load("dc_motor").without_effect("coulomb_friction").with_parameters({"L_a": request.param})
     assert model.parameters["R_a"] / request.param * DT > 50.0

@@ -5,6 +5,8 @@ The model file says so (`input_hold`); a diagnosis believes it.
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -21,6 +23,7 @@ M, C, K = 2.0, 8.0, 800.0
 BASE = {"plant": "mass_spring_damper", "parameters": {"m": 1.95, "c": 8.3, "k": 815.0}}
 
 
+@cache
 def record(seed: int, hold: str, mu: float = 0.0, seconds: float = 10.0) -> ModelData:
     rng = np.random.default_rng(seed)
     tones, phases = 2 * np.pi * rng.uniform(0.2, 8.0, 8), rng.uniform(0, 6, 8)
@@ -37,13 +40,13 @@ def record(seed: int, hold: str, mu: float = 0.0, seconds: float = 10.0) -> Mode
         "centred": force(fine),
         "backward": np.repeat(np.append(shown[1:], 0.0), FINE),
     }[hold]
-    states, q, v = np.zeros((count, 2)), 0.0, 0.0
-    for i, F in enumerate(acting):
+    states, q, v, most = np.zeros((count, 2)), 0.0, 0.0, dt * mu / M
+    for i, F in enumerate(acting.tolist()):
         if i % FINE == 0:
             states[i // FINE] = q, v
         before = v
         v += dt * (F - C * v - K * (q + dt * v / 2)) / M
-        v -= float(np.clip(v, -dt * mu / M, dt * mu / M))
+        v -= max(-most, min(v, most))
         q += dt * (before + v) / 2
     states += rng.normal(size=states.shape) * 0.005 * states.std(axis=0)
     measured = {"displacement": states[:, 0], "velocity": states[:, 1]}
@@ -79,13 +82,6 @@ def test_a_delay_is_not_biased_by_the_input_from_before_the_record(tmp_path):
     delay = next(e.parameters["T"] for e in found.ranking if e.effect == "input_delay")
     assert abs(delay.value - late) < 4 * delay.std
     assert found.parameters["L_a"].value == pytest.approx(SMALL.true["L_a"], rel=0.1)
-
-
-@pytest.mark.parametrize(("hold", "told"), [("centred", True), ("forward", False)])
-def test_inputs_that_were_sampled_are_told(hold: str, told: bool) -> None:
-    """An electronic Duffing circuit of others is explained with them, and was "unexplained" without a word of it."""
-    found = diagnose(Model.from_dict(BASE), record(1, hold, 3.0), record(2, hold, 3.0))
-    assert any("input_hold: centred" in note for note in found.notes) == told
 
 
 def test_who_stops_a_diagnosis_stops_it_to_the_last(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,7 +16,7 @@ def test_what_the_uncertainty_of_parameters_makes_on_other_motion_decides_nothin
     assert proposed(found) == {"linear_stiffness"}
 
 
-@pytest.mark.long  # the same law, shorter: test_dependence
+@pytest.mark.long  # a friction of this shape on a lift: test_several
 def test_several_effects_are_not_named_for_an_unlisted_one(tmp_path):
     """Coulomb friction, presliding and a cubic spring explained 95 %."""
     given, truth = drawn(tmp_path, "outside", 12, 39)

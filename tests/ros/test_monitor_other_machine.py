@@ -170,7 +170,9 @@ def named(rig: Rig, what: str) -> list[Named]:
     [
         ("payload", "payload", PAYLOAD, 0.1),
         ("shift", "sensor_offset", SHIFT, 0.002),
-        ("friction", "stribeck_friction", FRICTION, 0.1),
+        pytest.param(
+            "friction", "stribeck_friction", FRICTION, 0.1, marks=pytest.mark.long
+        ),  # as in test_monitor_logic
         ("delay", "input_delay", DELAY, 0.002),
         ("gain", "input_gain", GAIN, 0.06),
     ],

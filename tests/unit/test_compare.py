@@ -31,7 +31,8 @@ pytestmark = pytest.mark.slow
 DATA = Path(os.environ.get("SIGNLIN_DATA", "../shared/data"))
 real = pytest.mark.skipif(not DATA.is_dir(), reason=f"no measurement records at {DATA} (set SIGNLIN_DATA)")
 T = np.arange(2000) / 200
-MOTOR = Model.load("dc_motor")
+HELD = {"input_hold": "forward"}  # inputs are simulated so; what asks the record for it is tested in tests/diagnosis
+MOTOR = Model.load("dc_motor").with_options(**HELD)
 BARE = MOTOR.without_effect("coulomb_friction")
 
 
@@ -243,7 +244,7 @@ def test_sensors_and_delays_of_the_model_count():
 
 @pytest.mark.parametrize("effect", ["dahl_presliding", "compliant_load", "bouc_wen_hysteresis"])
 def test_effects_with_states_that_nobody_measures(effect):
-    plain = Model.from_dict({"plant": "mass_spring_damper", "parameters": {"m": 1.0, "c": 0.6, "k": 40.0}})
+    plain = Model.from_dict({"plant": "mass_spring_damper", "parameters": {"m": 1.0, "c": 0.6, "k": 40.0}, **HELD})
     values = {"dahl_presliding": {"F_c": 1.0, "sigma": 300.0}, "compliant_load": {"k": 300.0, "c": 0.1, "J": 0.3}}
     true = plain.with_effect(effect, **values.get(effect, {}))
     data = recorded(true, u=multisine(T, 5.0), channels=["displacement", "velocity"])
@@ -359,7 +360,7 @@ def test_bad_input_is_exit_code_2_and_one_line(files, capsys, extra, word):
 
 @real
 def test_emps_is_fast_and_its_free_run_drifts():
-    model, data = load_records(Model.load("emps"), [str(DATA / "emps/DATA_EMPS.csv")])
+    model, data = load_records(Model.load("emps").with_options(**HELD), [str(DATA / "emps/DATA_EMPS.csv")])
     c = compare(model, data)
     channel = c.channels["displacement"]
     assert channel.free_run.rmse < 0.01
@@ -374,7 +375,7 @@ def test_emps_is_fast_and_its_free_run_drifts():
 @real
 def test_xl330_is_rotary():
     files = [str(DATA / f"xl330/xl330_{n}.csv") for n in ("kp100_sin_sin", "kp400_lift_and_drop")]
-    model, data = load_records(Model.load("xl330"), files)
+    model, data = load_records(Model.load("xl330").with_options(**HELD), files)
     c = compare(model, data)
     assert c.channels["displacement"].unit == "rad"
     assert c.inverse["force"].unit == "N·m"

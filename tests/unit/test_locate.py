@@ -18,8 +18,9 @@ from signlin_ros.simulation import simulate
 pytestmark = pytest.mark.slow
 
 T = np.arange(3200) / 200
-PLAIN = Model.from_dict({"plant": "mass_spring_damper", "parameters": {"m": 1.0, "c": 0.6, "k": 40.0}})
-MOTOR = Model.load("dc_motor").without_effect("coulomb_friction").with_options(with_position=True)
+HELD = {"input_hold": "forward"}  # inputs are simulated so; what asks the record for it is tested in tests/diagnosis
+PLAIN = Model.from_dict({"plant": "mass_spring_damper", "parameters": {"m": 1.0, "c": 0.6, "k": 40.0}, **HELD})
+MOTOR = Model.load("dc_motor").without_effect("coulomb_friction").with_options(with_position=True, **HELD)
 
 
 def multisine(size, seed=0, fastest=3.0):

@@ -175,13 +175,13 @@ class Page:
         self.wait(lambda: self.driver.find_elements("id", "stage-use"), "the page")
 
     def wait(self, condition: Callable[[], Any], what: str, patience: float = PATIENCE) -> Any:
-        from selenium.common.exceptions import StaleElementReferenceException
+        from selenium.common.exceptions import NoSuchElementException, StaleElementReferenceException
 
         end, pause = time.monotonic() + patience, OFTEN
         while time.monotonic() < end:
             try:
                 value = condition()
-            except StaleElementReferenceException:
+            except (NoSuchElementException, StaleElementReferenceException):  # not there yet, or just drawn anew
                 value = None
             if value:
                 return value

@@ -63,11 +63,11 @@ def test_a_running_system_is_seen_marked_and_taken(
     page.wait(lambda: any(str(x).startswith("voltage [V]") for x in labels()), "the voltage")
     page.wait(lambda: any(str(x).startswith("A[speed, speed] [1/s]") for x in labels()), "the entry of A that changes")
     page.wait(lambda: any(str(x).startswith("error of speed [rad/s]") for x in labels()), "the error of the prediction")
-    assert "valid range" in page.driver.find_element("id", "live-valid").text
+    page.wait(lambda: "valid range" in page.driver.find_element("id", "live-valid").text, "the valid range")
     page.click("mark")
-    assert "Marked" in page.driver.find_element("id", "live-marks").text
+    page.wait(lambda: "Marked" in page.driver.find_element("id", "live-marks").text, "the mark")
     page.click("pause")
-    assert page.driver.find_element("id", "pause").text == "Go on"
+    page.wait(lambda: page.driver.find_element("id", "pause").text == "Go on", "the pause")
     page.click("pause")
     frames = int(live.get_attribute("data-frames"))
     page.wait(lambda: int(live.get_attribute("data-frames")) > frames + 100, "frames to come")

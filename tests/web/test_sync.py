@@ -147,14 +147,16 @@ def test_what_is_cancelled_before_it_began_does_not_begin(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("nice", [0, 5])
 def test_what_takes_long_gives_way(tmp_path: Path, nice: int) -> None:
+    mine = os.getpriority(os.PRIO_PROCESS, 0)
+
     async def run() -> int:
-        lane, mine = Lane(tmp_path, nice), os.getpriority(os.PRIO_PROCESS, 0)
+        lane = Lane(tmp_path, nice)
         await lane.call("ready", {})
-        found = os.getpriority(os.PRIO_PROCESS, (await lane.start()).pid) - mine
+        found = os.getpriority(os.PRIO_PROCESS, (await lane.start()).pid)
         await lane.cancel()
         return found
 
-    assert asyncio.run(run()) == nice
+    assert asyncio.run(run()) == min(mine + nice, 19)  # no process is nicer than that
 
 
 def test_a_job_is_cancelled_between_its_requests(tmp_path: Path) -> None:
