@@ -13,11 +13,13 @@ import sys
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from benchmarks.experiment.hidden import HIDDEN, hiding
 from benchmarks.experiment.ties import TIES, Tie, true_model
 from signlin_ros.diagnosis.discrimination import PlannedRival
 from signlin_ros.diagnosis.results import Diagnosis
@@ -38,16 +40,7 @@ from signlin_ros.records import ModelData
 
 SEEN_STEPS = 12
 """Steps of a refit to all records."""
-RIPPLE = 0.007
-"""Amplitude of each wave of a ripple in N·m."""
 Row = dict[str, Any]
-
-
-def with_ripple(tie: Tie) -> Tie:
-    """Return a tie of machines that have a ripple, a third of the friction in size, that no diagnosis proposes."""
-    ripple: Any = {"torque_ripple": {"orders": [7.0, 11.0], "A": [RIPPLE, RIPPLE], "phi": [0.3, 1.1]}}
-    first, second = (replace(m, effects={**m.effects, **ripple}) for m in tie.machines)
-    return replace(tie, machines=(first, second))
 
 
 def read(tie: Tie, paths: Sequence[Path]) -> tuple[Any, list[ModelData]]:
@@ -168,7 +161,7 @@ def judged(tie: Tie, which: int, folder: Path, row: Row) -> Row:
     confirmed = [e.effect for e in found.ranking if e.status == "confirmed" and e.effect in named]
     row |= {"named": named, "confirmed": confirmed, "then": found.verdict, "told": found.sentence}
     row |= {"right": set(named) == names, "judged_cpu": time.process_time() - started}
-    row["wrong"] = bool(set(confirmed) - names) and found.verdict != "unexplained"
+    row["wrong"] = bool(set(confirmed) - names - set(tie.machines[which].listed)) and found.verdict != "unexplained"
     if row.get("kept") and "seen" not in row:
         rivals = rivals_of(diagnose(model, data[:1], jobs=1), model, data[:1])
         kept = [r for r in rivals if "+".join(r.effects).replace("_", " ") in row["kept"]]
@@ -193,7 +186,9 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, nargs="+", default=[1])
     parser.add_argument("--only", nargs="*", default=[], help="ties")
     parser.add_argument("--machines", type=int, nargs="*", default=[0, 1], help="first, second or both of a tie")
-    parser.add_argument("--hidden", action="store_true", help="machines with a torque ripple that is never proposed")
+    parser.add_argument(
+        "--hidden", nargs="*", choices=HIDDEN, default=[""], help="what machines have beside, see hidden"
+    )
     parser.add_argument("--again", action="store_true", help="judge what was planned before, without planning")
     parser.add_argument("--folder", type=Path, default=Path("experiment"), help="of the files of all machines")
     parser.add_argument("--output", type=Path, default=Path("experiment.jsonl"))
@@ -201,10 +196,11 @@ def main() -> None:
     rows = []
     ties = [t for t in (make() for make in TIES) if not chosen.only or t.key in chosen.only]
     for seed in chosen.seeds:
-        for tie in map(with_ripple, ties) if chosen.hidden else ties:
+        for tie, kind in product(ties, chosen.hidden):
             for which in chosen.machines:
-                row = case(tie, which, seed, chosen.folder / f"{tie.key}_{which}_{seed}", chosen.again)
-                rows.append(row)
+                folder = chosen.folder / kind / f"{tie.key}_{which}_{seed}"
+                rows.append(case(hiding(tie, kind), which, seed, folder, chosen.again) | {"hidden": kind})
+                row = rows[-1]
                 print(json.dumps(row), flush=True)
                 with chosen.output.open("a") as stream:
                     stream.write(json.dumps(row) + "\n")

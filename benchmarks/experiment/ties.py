@@ -29,7 +29,9 @@ class Machine:
     effects: dict[str, dict[str, float]]
     base: dict[str, float]
     names: tuple[str, ...]
-    """What a right verdict names: one of these sets, joined by +."""
+    """What a right verdict names."""
+    listed: tuple[str, ...] = ()
+    """What else it has that may be named."""
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,12 @@ import numpy as np
 from signlin_ros.diagnosis.equation_error.regression import mean_t_ratio
 from signlin_ros.diagnosis.evidence import Evidence
 from signlin_ros.diagnosis.output_error import FittedModel
+from signlin_ros.diagnosis.output_error.fitting import of_own
+from signlin_ros.diagnosis.output_error.residual import residual_tests
 from signlin_ros.diagnosis.selection import Selection
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import InputError
+from signlin_ros.fitting.fit import fit
 from signlin_ros.model import Model
 
 BOUND_SHARES = (0.25, 0.5, 1.0)
@@ -178,9 +181,80 @@ def undecided(evidence: Evidence, rivals: Sequence[RefittedRival], final: Fitted
     """Return the rivals that do not surely lose, at their smallest size of interest; but those that by themselves are
     no step beyond the base, and what contains all that is named.
     """
-    others = [r for r in rivals if not set(final.effects) <= set(r.effects)]
-    open_ones = [r for r in others if not loses(evidence, r.least, final)]
+    open_ones = [r for r in _others(rivals, final) if not loses(evidence, r.least, final)]
     return [r for r in open_ones if r.size or not r.effects or not evidence.output_error.refusal(evidence.base, r.best)]
 
 
-__all__ = ["BOUND_SHARES", "PlannedRival", "RefittedRival", "discriminated", "loses", "refitted", "undecided"]
+def _others(rivals: Sequence[RefittedRival], final: FittedModel) -> list[RefittedRival]:
+    """Return the rivals that do not contain all that is named."""
+    return [r for r in rivals if not set(final.effects) <= set(r.effects)]
+
+
+@dataclass(frozen=True)
+class Doubts:
+    """Why what a planned experiment names is not confirmed: rivals that are as good (``undecided``); rivals that are
+    ``near`` beside what it leaves itself; effects that it needs ``together``, where every rival was to be enough.
+    """
+
+    undecided: tuple[RefittedRival, ...] = ()
+    near: tuple[RefittedRival, ...] = ()
+    together: tuple[str, ...] = ()
+
+    def of(self, effect: str) -> bool:
+        """Tell whether one of the effects that are named is in doubt."""
+        return bool(self.together) or any(effect not in r.effects for r in (*self.undecided, *self.near))
+
+
+def doubts_of(evidence: Evidence, rivals: Sequence[RefittedRival], final: FittedModel) -> Doubts:
+    """Return why what is named after a planned experiment is not confirmed.
+
+    That a rival loses says that another is right only if one of them is. So what is named must be a rival, or a law
+    that is enough by itself; two laws of which no rival has both were not held against the other rivals with one of
+    these beside them. And where more than noise is left, of the data of the fit or of validation data, that must be
+    little beside what tells a rival apart: no more than the part of `Criteria.max_force_mse_left`.
+    """
+    if not rivals or not final.effects:
+        return Doubts()
+    open_ones = undecided(evidence, rivals, final)
+    several = len(final.effects) > 1 and not any(set(final.effects) <= set(r.effects) for r in rivals)
+    others = [r for r in _others(rivals, final) if r not in open_ones]
+    near = [r for r in others if share_left(evidence, final, r.least) > evidence.criteria.max_force_mse_left]
+    near = near if near and leaves_structure(evidence, final) else []
+    return Doubts(tuple(open_ones), tuple(near), final.effects if several else ())
+
+
+def share_left(evidence: Evidence, final: FittedModel, rival: FittedModel) -> float:
+    """Return what a model leaves of validation data beyond the noise, as a part of what a rival leaves beyond it: of
+    squared errors over windows, in units of the noise, of the channel that tells them apart best.
+    """
+    noise = evidence.output_error.validation.noise**2
+    own, other = (np.maximum(f.validation_rmse**2 / noise - 1.0, 0.0) for f in (final, rival))
+    told = other > own
+    return float(np.min(own[told] / other[told])) if told.any() else np.inf
+
+
+def leaves_structure(evidence: Evidence, f: FittedModel) -> bool:
+    """Tell whether a model leaves more than noise: of the data that it was fitted to, or of validation data."""
+    motion = evidence.output_error
+    if not f.residual_is_noise or motion.validation.folds:
+        return not f.residual_is_noise
+    unseen, gains = motion.validation, motion.validation.observer_gains[-1]
+    fitted_to = {s.source for s in motion.training.segments}
+    candidate, theta = of_own(unseen, f.fit.candidate, f.fit.theta, gains, fitted_to)
+    found = fit(unseen, candidate, gains, theta, 0)
+    return found is None or any(one.structured for one in residual_tests(unseen, found, evidence.criteria))
+
+
+__all__ = [
+    "BOUND_SHARES",
+    "Doubts",
+    "PlannedRival",
+    "RefittedRival",
+    "discriminated",
+    "doubts_of",
+    "leaves_structure",
+    "loses",
+    "refitted",
+    "share_left",
+    "undecided",
+]

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from operator import attrgetter
 
-from signlin_ros.diagnosis.discrimination import undecided
+from signlin_ros.diagnosis.discrimination import Doubts, doubts_of
 from signlin_ros.diagnosis.evidence import WHOLE_EFFORT, Evidence
 from signlin_ros.diagnosis.findings import findings_of
 from signlin_ros.diagnosis.output_error import FittedModel
@@ -27,10 +27,10 @@ from signlin_ros.errors import InputError
 
 def summary_of(evidence: Evidence, verdict: Verdict) -> Diagnosis:
     """Return the diagnosis that reports a verdict."""
-    dataset = evidence.dataset
+    dataset, doubts = evidence.dataset, doubts_of(evidence, verdict.selection.rivals, verdict.final)
     ladder, ranking = (
         tuple(evidence.row(f, force_left(evidence, f, verdict.final)) for f in verdict.steps),
-        _ranking(evidence, verdict),
+        _ranking(evidence, verdict, doubts),
     )
     model = rounded(verdict.final.model, verdict.final.parameters)
     base, parameters = (_parameters(evidence, f) for f in (verdict.base, verdict.final))
@@ -40,7 +40,10 @@ def summary_of(evidence: Evidence, verdict: Verdict) -> Diagnosis:
         sentence=" ".join(
             filter(
                 None,
-                (verdicts.sentence(evidence, verdict), rivals_told(evidence, verdict.selection.rivals, verdict.final)),
+                (
+                    verdicts.sentence(evidence, verdict),
+                    rivals_told(evidence, verdict.selection.rivals, verdict.final, doubts),
+                ),
             )
         ),
         base=base,
@@ -74,7 +77,7 @@ def _parameters(evidence: Evidence, f: FittedModel) -> dict[str, ParameterEstima
 # -------------------------------------------------------------------- ranking
 
 
-def _ranking(evidence: Evidence, verdict: Verdict) -> tuple[RankingEntry, ...]:
+def _ranking(evidence: Evidence, verdict: Verdict, doubts: Doubts) -> tuple[RankingEntry, ...]:
     """Return a row for every effect: those of the proposal, the others by their validation error, what does not apply.
 
     Which effects have a row does not depend on the course of the search; numbers are those of each one's best fit.
@@ -97,7 +100,7 @@ def _ranking(evidence: Evidence, verdict: Verdict) -> tuple[RankingEntry, ...]:
     others = [_beside(e, tied[e.effect]) if e.effect in tied else e for e in others]
     levels = dict.fromkeys(tied, 0.0) | {name: f.log_mse for name, f in single.items()}
     others.sort(key=lambda e: (e.status != "ambiguous", levels.get(e.effect, math.inf)))
-    return (*(_named(evidence, verdict, e, ties[e]) for e in verdict.names), *others, *untried, *absent)
+    return (*(_named(evidence, verdict, e, ties[e], doubts) for e in verdict.names), *others, *untried, *absent)
 
 
 def _fitted_alone(evidence: Evidence) -> dict[str, FittedModel]:
@@ -141,12 +144,12 @@ def _ties(evidence: Evidence, verdict: Verdict, effect: str) -> tuple[str, ...]:
     return tuple(sorted(found - set(verdict.names)))
 
 
-def _named(evidence: Evidence, verdict: Verdict, effect: str, ties: tuple[str, ...]) -> RankingEntry:
+def _named(evidence: Evidence, verdict: Verdict, effect: str, ties: tuple[str, ...], doubts: Doubts) -> RankingEntry:
     """Return the entry of an effect that is proposed."""
     once = verdict.reason == "once" and effect in verdict.remembers
     once |= verdict.reason == "loop" and effect == verdict.loop
-    open_ones = [r.effects for r in undecided(evidence, verdict.selection.rivals, verdict.final)]
-    once |= any(effect not in effects for effects in open_ones)
+    once |= doubts.of(effect)
+    open_ones = [r.effects for r in (*doubts.undecided, *doubts.near)]
     ties = tuple(sorted({*ties, *(n for effects in open_ones for n in effects if n not in verdict.names)}))
     status = "ambiguous" if once or any(not _richer(t, effect) for t in ties) else "confirmed"
     if verdict.refused or (verdict.reason and REASONS[verdict.reason].rejects):

@@ -33,7 +33,8 @@ SIGMA_DIRECTIONS = 2
 class Contender:
     """A rival: ``effects`` beyond the model as given, the ``candidate`` that a fit moves, its estimate ``theta`` (n,),
     the ``information`` (n, n) of the first records about it, and the smallest ``size`` at which it is of interest;
-    ``told``: the model as it was told, where the estimate may be smaller than that; ``minima``: others of its fit.
+    ``told``: the model as it was told, where the estimate may be smaller than that; ``minima``: others of its fit;
+    ``scale``: by how many times its inertia and all its forces are larger than estimated.
     """
 
     effects: tuple[str, ...]
@@ -43,12 +44,14 @@ class Contender:
     size: Size | None = None
     told: Model | None = field(default=None, repr=False)
     minima: tuple[Array, ...] = ()
+    scale: float = 1.0
     models: dict[bytes, Model] = field(default_factory=dict, repr=False)
 
     @property
     def name(self) -> str:
         """What it is called."""
-        return " with ".join(n.replace("_", " ") for n in self.effects) or "nothing more"
+        own = " with ".join(n.replace("_", " ") for n in self.effects) or "nothing more"
+        return own if self.scale == 1.0 else f"{own} with all forces {100 * (self.scale - 1):g} % larger"
 
     @property
     def bounds(self) -> tuple[Array, Array]:

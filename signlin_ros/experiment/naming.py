@@ -14,6 +14,7 @@ from signlin_ros.diagnosis.progress import Progress
 from signlin_ros.diagnosis.rivals import rival
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import InputError, choices, suggest
+from signlin_ros.experiment.common_scale import NO_EFFECT, unscaled
 from signlin_ros.experiment.setting import MAX_PLANNED_RIVALS, KnownLimits, known_rivals
 from signlin_ros.experiment.sizes import is_sized
 from signlin_ros.model import Model
@@ -23,8 +24,6 @@ MIN_RIVALS = 3
 """Rivals below which the best of what was rejected is looked at, too."""
 MAX_SIZED_KIN = 2
 """Laws with a size of interest that are looked at beside the others of their family."""
-NO_EFFECT = "nothing"
-"""The name of the rival that adds no effect."""
 
 
 def open_names(content: Mapping[str, Any]) -> list[str]:
@@ -87,7 +86,7 @@ def with_named(
     not, or that cannot be added.
     """
     known = {"+".join(r.effects) or NO_EFFECT for r in rivals}
-    plain = [name.strip().replace(" ", "_") for name in names]
+    plain = list(dict.fromkeys(unscaled(name) for name in names))
     absent = [name for name in plain if name not in known]
     for effect in (e for name in absent if name != NO_EFFECT for e in name.split("+")):
         if effect not in EFFECTS:

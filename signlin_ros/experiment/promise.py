@@ -82,6 +82,8 @@ def richer(contenders: Sequence[Contender], i: int, j: int) -> Pair:
 
 def _kin(a: Contender, b: Contender) -> bool:
     """Tell whether one rival contains the other: it has more effects, or is a richer law of one family."""
+    if a.scale != b.scale:
+        return False
     if set(a.effects) < set(b.effects) or set(b.effects) < set(a.effects):
         return True
     if len(a.effects) != 1 or len(b.effects) != 1:

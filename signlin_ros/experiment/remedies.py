@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.comparison.equations import inertia
 from signlin_ros.errors import InputError
+from signlin_ros.experiment.common_scale import INERTIAS
 from signlin_ros.experiment.contenders import Contender, contender
 from signlin_ros.experiment.distance import LOST, Pair, RivalBench
 from signlin_ros.experiment.families import COMMAND_FAMILIES
@@ -106,7 +107,7 @@ def _wider(search: CommandSearch, both: Sequence[Pair]) -> Iterator[tuple[str, f
 def _heavier(search: CommandSearch, both: Sequence[Pair], commands: Sequence[Array]) -> Iterator[tuple[str, float]]:
     """Yield a known inertia that is added."""
     bench, base = search.bench, search.bench.problem.base
-    name = next((n for n in ("J", "m") if n in base.parameters), "")
+    name = next((n for n in INERTIAS if n in base.parameters), "")
     if not name or not inertia(base):
         return
     more = float(f"{ADDED_INERTIA * inertia(base):.2g}")
@@ -182,7 +183,9 @@ def _as_before(problem: Problem, old: Contender) -> Contender:
     units = c.candidate.slopes(theta) / old.candidate.slopes(old.theta)
     information = old.information * np.outer(units, units)
     minima = tuple(moved(one) for one in old.minima)
-    return replace(c, theta=theta, information=information, size=old.size, told=old.told, minima=minima)
+    return replace(
+        c, theta=theta, information=information, size=old.size, told=old.told, minima=minima, scale=old.scale
+    )
 
 
 def sampled(bench: RivalBench, step: float) -> RivalBench:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import InputError, choices, suggest
+from signlin_ros.experiment.common_scale import NO_EFFECT, unscaled
 from signlin_ros.experiment.contenders import Contender, contender, information_of
 from signlin_ros.experiment.distance import RivalBench
 from signlin_ros.experiment.minima import EXCLUDED, REFIT_STEPS, led, with_minima
@@ -60,9 +61,9 @@ def known_rivals(told: Sequence[Mapping[str, object]]) -> list[KnownLimits]:
 
 def named(rivals: Sequence[KnownLimits], between: Sequence[str]) -> list[KnownLimits]:
     """Return the rivals of some names (effects joined by +); raise `InputError` for one that is none of them."""
-    every, found = {"+".join(r.effects) or "nothing": r for r in rivals}, []
+    every, found = {"+".join(r.effects) or NO_EFFECT: r for r in rivals}, []
     for name in between:
-        plain = name.strip().replace(" ", "_")
+        plain = unscaled(name)
         if plain not in every:
             raise InputError(f"--between: unknown rival {name!r}; there are: {choices(every)}{suggest(name, every)}")
         found.append(every[plain])

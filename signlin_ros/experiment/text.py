@@ -9,6 +9,7 @@ import numpy as np
 
 from signlin_ros.digits import with_error
 from signlin_ros.errors import joined
+from signlin_ros.experiment.common_scale import force_parameters
 from signlin_ros.experiment.plan import ExperimentPlan, PlanText
 from signlin_ros.experiment.search import ENOUGH, NEEDED_EVIDENCE
 
@@ -89,6 +90,7 @@ def notes(search: CommandSearch, rest: Sequence[KnownLimits], told: Sequence[Pla
     if limits.assumed:
         found.append(f"no limit was given for {joined(limits.assumed)}: what the first records visited is taken")
     found += [_nested(one) for one in told if one.nested]
+    found += _scale_notes(search, told)
     if bench.bias:
         unit = {**bench.problem.base.units, **bench.problem.units}.get(bench.problem.base.inputs[0], "")
         found.append(f"the machine is held by {bench.bias:g} {unit} where it starts and ends; parts are about that")
@@ -107,6 +109,17 @@ def notes(search: CommandSearch, rest: Sequence[KnownLimits], told: Sequence[Pla
             value = with_error(c.size.least, 0.2 * c.size.least)[0]
             found.append(f"{c.name} is taken to be of interest with {name} {bound} {value} {unit}")
     return tuple(found)
+
+
+def _scale_notes(search: CommandSearch, told: Sequence[PlanText]) -> list[str]:
+    """Return the note on a scale of all forces that nothing measured shows."""
+    bench = search.bench
+    larger = {c.name for c in bench.contenders if c.scale != 1.0}
+    if not any(one.alike and larger & set(one.rivals) for one in told):
+        return []
+    names, seen = joined(list(force_parameters(bench.problem.base))), joined(list(bench.problem.channels))
+    same = f"{seen} are the same whatever the scale that {names} and all other forces have in common"
+    return [f"{same}: what is known of these beforehand sets it, and how large a friction or a load is found"]
 
 
 def experiment_text(content: Mapping[str, Any]) -> str:

@@ -13,7 +13,9 @@ from signlin_ros.diagnosis.progress import CancelledError
 from signlin_ros.diagnosis.results import Diagnosis
 from signlin_ros.errors import InputError
 from signlin_ros.experiment import text
-from signlin_ros.experiment.distance import Pair, RivalBench
+from signlin_ros.experiment.chain import MOST_SAMPLES, EndedSearch, chained, within_limits
+from signlin_ros.experiment.common_scale import is_scaled, with_larger_forces
+from signlin_ros.experiment.distance import RivalBench
 from signlin_ros.experiment.limits import Limits, limits_of
 from signlin_ros.experiment.naming import open_names, with_named
 from signlin_ros.experiment.plan import ExperimentPlan, PlanRow, PlanText, Remedy
@@ -45,14 +47,10 @@ Array = NDArray[np.float64]
 
 WINDOWS, MIN_RUN_SECONDS, MAX_RUN_SECONDS = 25, 2.0, 10.0
 """Windows of the horizon that a run holds at least, and s of it at least and, unless they need more, at most."""
-DRAWN, DOWN, TIMES = 12, 0.85, 12
-"""Machines drawn from each estimate that must stay within the limits; by what a command is made smaller, how often."""
 LONGER, WORTH_LONGER = 2.0, 1.3
 """Times as long a record is planned where one is not enough and nobody said how long; times as much it must show."""
 SAME_STEP, MAX_FINER = 0.02, 20.0
 """Share by which a step may differ from that of the first records and be the same; times as fine as it may be."""
-EVERY = 20_000
-"""Most samples of a run."""
 
 
 @dataclass(frozen=True)
@@ -124,6 +122,9 @@ def designed(
     if wishes.between:
         rivals = every = named(rivals, wishes.between)
     bench = bench_of(given, records, every, check) if every else None
+    larger = [is_scaled(name) for name in wishes.between]
+    if bench is not None and any(larger):
+        bench = replace(bench, contenders=with_larger_forces(bench.contenders, larger))
     if bench is not None and not wishes.between:
         limits = limits_of(bench.problem, wishes.limits)
         rivals, rest = chosen([r for r in open_ones(bench, every) if _rests(bench, every.index(r), limits)])
@@ -148,23 +149,31 @@ def designed(
     search = CommandSearch(bench, limits, _times(bench, wishes), wishes.spare, tell, wishes.seed)
     if search.most <= 0.0:
         raise InputError(f"holding the machine takes {bench.bias:g}, more than its limit {search.limits.input:g}")
-    plan = _planned(search, rest, wishes, after)
-    if wishes.duration is not None or search.spent or not _short(plan):
-        return plan
-    tell("a record twice as long", 0.5)
-    t = _times(bench, replace(wishes, duration=LONGER * plan.duration))
-    longer = _planned(CommandSearch(bench, limits, t, wishes.spare, tell, wishes.seed), rest, wishes, after)
-    return longer if _expects(longer) > WORTH_LONGER * _expects(plan) else plan
+    found = _ended(search)
+    if wishes.duration is None and _short(found):
+        tell("a longer record", 0.5)
+        found = _longer(found, bench, wishes)
+    return _plan(found, rest, after)
 
 
-def _short(plan: ExperimentPlan) -> bool:
-    """Tell whether a plan tells rivals apart, but less surely than a plan asks for."""
-    return NEEDED_EVIDENCE / LONGER <= _expects(plan) < ENOUGH
+def _short(found: EndedSearch) -> bool:
+    """Tell whether a search tells rivals apart, but less surely than a plan asks for."""
+    several = len(found.search.bench.contenders) > 2
+    least = 0.0 if several else NEEDED_EVIDENCE / LONGER
+    return least <= found.expects < ENOUGH and (several or not found.search.spent)
 
 
-def _expects(plan: ExperimentPlan) -> float:
-    """Return the least that a plan expects of pairs that some command tells apart."""
-    return min((one.expected for one in plan.pairs if not (one.alike or one.nested)), default=np.inf)
+def _longer(found: EndedSearch, bench: RivalBench, wishes: ExperimentWishes) -> EndedSearch:
+    """Return a search of a longer record, where that is worth while: of several commands, each for the pairs that those
+    before it tell apart least, or for two rivals of one command.
+    """
+    if len(bench.contenders) > 2:
+        longer = chained(found)
+    else:
+        s = found.search
+        t = _times(bench, replace(wishes, duration=LONGER * float(s.t[-1] - s.t[0] + s.t[1] - s.t[0])))
+        longer = _ended(CommandSearch(bench, s.limits, t, s.spare, s.tell, s.seed))
+    return longer if longer.expects > WORTH_LONGER * found.expects else found
 
 
 def _rests(bench: RivalBench, i: int, limits: Limits) -> bool:
@@ -181,15 +190,14 @@ def _times(bench: RivalBench, wishes: ExperimentWishes) -> Array:
     least = max(MIN_RUN_SECONDS, WINDOWS * max(problem.base.update_period, 2 * problem.scale.step))
     duration = wishes.duration or float(np.clip(problem.scale.duration, least, max(least, MAX_RUN_SECONDS)))
     count = round(duration / step)
-    if not 100 <= count <= EVERY:
-        allowed = f"{100 * step:g} to {EVERY * step:g} s at {step:g} s a sample"
+    if not 100 <= count <= MOST_SAMPLES:
+        allowed = f"{100 * step:g} to {MOST_SAMPLES * step:g} s at {step:g} s a sample"
         raise InputError(f"--duration: found {duration:g}; allowed: {allowed}")
     return np.asarray(step * np.arange(count))
 
 
-def _planned(
-    search: CommandSearch, rest: Sequence[KnownLimits], wishes: ExperimentWishes, after: str
-) -> ExperimentPlan:
+def _ended(search: CommandSearch) -> EndedSearch:
+    """Return a search of the best command for all pairs that some command tells apart, or for those of the proposal."""
     tell = search.tell
     every, reach = list(search.pairs), search.reached()
     if not search.tried:
@@ -212,56 +220,22 @@ def _planned(
         best = search.climbed() or search.loudest()
     if best is None:
         raise InputError("no command could be found within the limits")
-    best = _within(search, search.improved(best))
+    best = within_limits(search, search.improved(best))
     tell("what it would show", 0.9)
-    told = promised(search, best, every, least, whole)
-    cures = [r for one in told if one.alike for r in _cures(search, one, every, whole)]
-    return _plan(search, best, told, cures, rest, after)
+    told = tuple(promised(search, best, every, least, whole))
+    return EndedSearch(search, search, best, told, tuple(every), least, tuple(whole))
 
 
-def _within(search: CommandSearch, best: CommandTrial) -> CommandTrial:
-    """Return a command made smaller until machines drawn from every estimate stay within the limits."""
-    g = np.random.default_rng(search.seed)
-    drawn = [(i, theta) for i, c in enumerate(search.bench.contenders) for theta in c.drawn(g, DRAWN)]
-    for _ in range(TIMES):
-        runs = [search.bench.run(i, search.t, best.u, theta) for i, theta in drawn]
-        worst = max((search.limits.share(run)[0] for run in runs if run is not None), default=0.0)
-        if worst <= 1.0 - 0.5 * search.spare:
-            return search.recovered(best)
-        parts = tuple(replace(p, peak=DOWN * p.peak) for p in best.parts)
-        smaller = search.screened(best.family, parts)
-        if smaller is None:
-            break
-        best = smaller
-    return search.recovered(best)
-
-
-def _cures(search: CommandSearch, one: PlanText, every: Sequence[Pair], whole: Sequence[CommandTrial]) -> list[Remedy]:
+def _cures(found: EndedSearch, one: PlanText) -> list[Remedy]:
     """Return the remedies for two rivals that are alike."""
-    search.tell(f"what would tell {one.rivals[0]} from {one.rivals[1]}", 0.95)
-    names = [c.name for c in search.bench.contenders]
-    other = _whole(search, every, whole)
-    return remedies(other, (names.index(one.rivals[0]), names.index(one.rivals[1])))
+    found.search.tell(f"what would tell {one.rivals[0]} from {one.rivals[1]}", 0.95)
+    i, j = found.pairs_of([one])[0]
+    return remedies(found.for_pairs(), (min(i, j), max(i, j)))
 
 
-def _whole(search: CommandSearch, every: Sequence[Pair], whole: Sequence[CommandTrial]) -> CommandSearch:
-    """Return a search of all pairs with what was tried for all of them."""
-    options = (search.spare, _quiet, search.seed, list(every), list(whole))
-    return CommandSearch(search.bench, search.limits, search.t, *options)
-
-
-def _quiet(what: str, share: float) -> None:
-    """Tell nothing."""
-
-
-def _plan(
-    search: CommandSearch,
-    best: CommandTrial,
-    told: Sequence[PlanText],
-    cures: Sequence[Remedy],
-    rest: Sequence[KnownLimits],
-    after: str,
-) -> ExperimentPlan:
+def _plan(found: EndedSearch, rest: Sequence[KnownLimits], after: str) -> ExperimentPlan:
+    search, best, told = found.search, found.best, found.told
+    cures = [r for one in told if one.alike for r in _cures(found, one)]
     bench, base = search.bench, search.bench.problem.base
     name = base.inputs[0]
     units = {**base.units, **bench.problem.units}
@@ -269,7 +243,8 @@ def _plan(
     enough = bool(apart) and all(one.expected >= ENOUGH for one in told if one.expected >= NEEDED_EVIDENCE)
     asked = [one for one in told if not one.nested]
     verdict = "none" if not apart else "enough" if enough and len(apart) == len(asked) else "little"
-    rows = tuple(_row(search, one, units.get(name, "")) for one in _rows(search, best))
+    unit = units.get(name, "")
+    rows = (_row(search, best, unit), *(_row(found.single, one, unit) for one in _rows(found)))
     plan = ExperimentPlan(
         verdict=verdict,
         sentence="",
@@ -293,15 +268,17 @@ def _plan(
         preview=preview(search, best, told),
         tried=len(search.tried),
         reference=base.plant.closed_loop,
-        known=tuple(c.planned() for c in bench.contenders),
+        known=tuple(c.planned() for c in bench.contenders if c.scale == 1.0),
     )
     return replace(plan, sentence=text.sentence(plan))
 
 
-def _rows(search: CommandSearch, best: CommandTrial) -> list[CommandTrial]:
-    rows = [one for one in search.by_family() if one.family.name != best.family.name]
-    rows = [search.refitted(one) for one in sorted(rows, key=lambda one: -one.least)[:12]]
-    return [best, *sorted(rows, key=lambda one: (-min(one.least, RESERVE * ENOUGH), one.peak))]
+def _rows(found: EndedSearch) -> list[CommandTrial]:
+    """Return the best single command of each other family, the quietest of those that are enough first."""
+    single = found.single
+    rows = [one for one in single.by_family() if one.family.name != found.best.family.name]
+    rows = [single.refitted(one) for one in sorted(rows, key=lambda one: -one.least)[:12]]
+    return sorted(rows, key=lambda one: (-min(one.least, RESERVE * ENOUGH), one.peak))
 
 
 def _row(search: CommandSearch, one: CommandTrial, unit: str) -> PlanRow:

@@ -10,7 +10,7 @@ import pytest
 
 from signlin_ros import cli
 from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA
-from signlin_ros.diagnosis.discrimination import PlannedRival, RefittedRival, undecided
+from signlin_ros.diagnosis.discrimination import Doubts, PlannedRival, RefittedRival, doubts_of, undecided
 from signlin_ros.diagnosis.wording.rivals import told
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model
@@ -65,8 +65,10 @@ def test_a_file_that_holds_no_rivals_is_refused_in_one_line(tmp_path, capsys, co
 # -------------------------------------------------------------------- who has lost
 
 
-def fitted(*effects, errs=0.0):
-    return SimpleNamespace(effects=effects, errs=errs)
+def fitted(*effects, errs=0.0, leaves=(1.0, 1.0), noise=True):
+    """Return a model that errs by some standard errors and ``leaves`` errors by channel, in noises."""
+    rmse = np.array(leaves)
+    return SimpleNamespace(effects=effects, errs=errs, validation_rmse=rmse, residual_is_noise=noise)
 
 
 def evidence(*weightless):
@@ -74,21 +76,23 @@ def evidence(*weightless):
     motion = SimpleNamespace(
         t_ratio=lambda before, after: before.errs - after.errs,
         refusal=lambda base, f: "is nothing" if f.effects in weightless else "",
+        validation=SimpleNamespace(noise=np.ones(2), folds=((0,), (1,))),
     )
     return SimpleNamespace(
         output_error=motion, criteria=DEFAULT_CRITERIA, force_rises=lambda a, b: False, base=fitted(errs=50.0)
     )
 
 
-def rival(*effects, errs, least=None, size=""):
-    f = fitted(*effects, errs=errs)
+def rival(*effects, errs, least=None, size="", leaves=(1.0, 3.0)):
+    f = fitted(*effects, errs=errs, leaves=leaves)
     return RefittedRival(effects, f, f if least is None else fitted(*effects, errs=least), size)
 
 
 def test_a_rival_that_errs_as_little_is_not_decided():
     near, far = rival("constant_load", errs=2.0), rival("viscous_friction", errs=9.0)
     assert undecided(evidence(), [near, far], fitted("coulomb_friction")) == [near]
-    said = told(evidence(), [near, far], fitted("coulomb_friction"))
+    final = fitted("coulomb_friction")
+    said = told(evidence(), [near, far], final, doubts_of(evidence(), [near, far], final))
     assert "Not decided: constant load" in said
     assert "viscous friction loses by 9.0 standard errors" in said
 
@@ -107,4 +111,41 @@ def test_insignificant_rivals_and_supersets_leave_no_doubt():
 
 
 def test_without_rivals_nothing_is_said():
-    assert told(evidence(), [], fitted("coulomb_friction")) == ""
+    final = fitted("coulomb_friction", noise=False)
+    assert doubts_of(evidence(), [], final) == Doubts()
+    assert told(evidence(), [], final, Doubts()) == ""
+
+
+# -------------------------------------------------------------------- what no rival holds
+
+
+def test_two_laws_that_no_rival_has_together_are_not_confirmed():
+    rivals = [rival("coulomb_friction", errs=9.0), rival("dahl_presliding", errs=9.0)]
+    final = fitted("coulomb_friction", "cogging_torque")
+    doubts = doubts_of(evidence(), rivals, final)
+    assert doubts.of("coulomb_friction")
+    assert doubts.of("cogging_torque")
+    said = told(evidence(), rivals, final, doubts)
+    assert "None of the rivals of the plan is enough: cogging torque would be needed as well" in said
+    assert "--between coulomb_friction+cogging_torque,dahl_presliding+cogging_torque" in said
+
+
+def test_two_laws_of_a_rival_and_one_law_by_itself_are_in_no_such_doubt():
+    both = [rival("coulomb_friction", "cogging_torque", errs=0.0), rival("dahl_presliding", errs=9.0)]
+    assert doubts_of(evidence(), both, fitted("coulomb_friction", "cogging_torque")) == Doubts()
+    other = [rival("coulomb_friction", errs=9.0), rival("dahl_presliding", errs=9.0)]
+    assert doubts_of(evidence(), other, fitted("backlash")) == Doubts()
+
+
+@pytest.mark.parametrize(
+    ("leaves", "noise", "doubted"),
+    [(1.0, True, False), (2.0, True, False), (1.3, False, False), (2.0, False, True)],
+    ids=["noise", "much, but noise", "structure, but little", "structure"],
+)
+def test_what_leaves_as_much_structure_as_tells_a_rival_apart_is_not_confirmed(leaves, noise, doubted):
+    """A rival leaves three times the noise: 8 of its variance beyond it, of which a quarter is 2."""
+    lost, final = rival("dahl_presliding", errs=9.0), fitted("coulomb_friction", leaves=(1.0, leaves), noise=noise)
+    doubts = doubts_of(evidence(), [lost], final)
+    assert doubts.near == ((lost,) if doubted else ())
+    assert doubts.of("coulomb_friction") is doubted
+    assert ("more than noise" in told(evidence(), [lost], final, doubts)) is doubted

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import time
 from dataclasses import replace
 from importlib import resources
@@ -22,7 +23,8 @@ from signlin_ros.diagnosis.rivals import rival
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import InputError
 from signlin_ros.experiment import setting
-from signlin_ros.experiment.contenders import Contender
+from signlin_ros.experiment.common_scale import force_power, with_larger_forces
+from signlin_ros.experiment.contenders import Contender, contender
 from signlin_ros.experiment.distance import RivalBench
 from signlin_ros.experiment.families import COMMAND_FAMILIES, asked_by
 from signlin_ros.experiment.limits import limits_of
@@ -370,6 +372,47 @@ def test_a_symmetry_is_said_and_only_the_sensor_that_breaks_it_is_a_remedy(
     assert content["verdict"] == "none"
     assert [one["alike"] for one in content["pairs"]] == [True]
     assert [one["what"].split(" (")[0] for one in content["remedies"]] == ["record the current too"]
+
+
+@pytest.mark.parametrize(
+    ("unit", "power"),
+    [("N·m/A", 1), ("kg·m²", 1), ("N·m·s/rad", 1), ("V·s/rad", 0), ("Ohm", 0), ("1/N", -1), ("", 0), ("N/N", 0)],
+)
+def test_the_power_of_the_force_in_a_unit(unit, power):
+    assert force_power(unit) == power
+
+
+@pytest.mark.slow
+def test_a_common_scale_of_all_forces_is_a_symmetry_that_a_known_inertia_breaks(one_way, tmp_path, capsys):
+    files = (one_way / "model.yaml", one_way / "first.csv", "-o", tmp_path / "next.csv", "--json")
+    rivals, limits = ("--between", "coulomb_friction,coulomb_friction+all_forces"), ("--limit", "voltage=6,speed=80")
+    capsys.readouterr()
+    assert run("experiment", *files, *rivals, *limits) == 0
+    content = json.loads(capsys.readouterr().out)
+    assert content["verdict"] == "none"
+    (pair,) = content["pairs"]
+    assert pair["alike"]
+    assert pair["most"] < 1.0
+    assert "no command within these limits tells coulomb friction from coulomb friction with all forces" in (
+        content["sentence"].lower()
+    )
+    (remedy,) = content["remedies"]
+    added = float(re.fullmatch(r"add a known inertia of (\S+) kg·m²", remedy["what"])[1])
+    assert remedy["distance"] >= 10.0
+    t, u = np.loadtxt(tmp_path / "next.csv", delimiter=",", skiprows=1).T
+    own = given().parameters
+    shown = []
+    for scale in (1.0, 1.1):
+        more = {"J": scale * own["J"] + added, "K_t": scale * own["K_t"], "B": scale * own["B"]}
+        model = given().with_parameters(more).with_effect("coulomb_friction", mu=0.03 * scale)
+        shown.append(simulate(model, t, u[:, None])["speed"] / 0.4)
+    assert np.sum((shown[1] - shown[0]) ** 2) > 10.0
+
+
+def test_a_scale_of_forces_that_is_known_is_no_rival(problem):
+    base = problem.base.with_options(frozen=("J",))
+    with pytest.raises(InputError, match="no inertia that is free"):
+        with_larger_forces([contender(replace(problem, base=base), base, (), None)], [False])
 
 
 # -------------------------------------------------------------------- limits, and what is refused

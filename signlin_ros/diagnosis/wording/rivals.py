@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from signlin_ros.diagnosis.discrimination import BOUND_SHARES, RefittedRival, loses, undecided
+from signlin_ros.diagnosis.discrimination import BOUND_SHARES, Doubts, RefittedRival, loses
 from signlin_ros.diagnosis.evidence import Evidence
 from signlin_ros.diagnosis.output_error import FittedModel
 from signlin_ros.diagnosis.results import listed
@@ -15,12 +15,20 @@ from signlin_ros.model.numbers import declared
 from signlin_ros.recording.trace import resolve_unit
 
 
-def told(evidence: Evidence, rivals: Sequence[RefittedRival], final: FittedModel) -> str:
+def told(evidence: Evidence, rivals: Sequence[RefittedRival], final: FittedModel, doubts: Doubts) -> str:
     """Return the sentences on the rivals; empty where there are none, or nothing is named."""
     if not rivals or not final.effects:
         return ""
-    ties = undecided(evidence, rivals, final)
-    parts = []
+    ties, parts = doubts.undecided, list[str]()
+    if doubts.together:
+        own = set(doubts.together) & {n for r in rivals for n in r.effects}
+        more = listed([n for n in doubts.together if n not in own] or list(doubts.together))
+        pairs = ",".join("+".join([*r.effects, *(set(doubts.together) - own)]) for r in rivals if r.effects)
+        again = f": to plan with {more} beside every rival, signlin experiment --between {pairs}" if own else ""
+        parts.append(f"None of the rivals of the plan is enough: {more} would be needed as well{again}")
+    if doubts.near:
+        names = listed(["+".join(r.effects) or "nothing" for r in doubts.near])
+        parts.append(f"Not confirmed: what it leaves is more than noise, and no small part of what {names} would leave")
     if ties:
         names = listed(["+".join(r.effects) or "nothing" for r in ties])
         parts.append(f"Not decided: {names}, refitted from the values of the plan, cannot be told from it")
