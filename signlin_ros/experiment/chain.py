@@ -16,7 +16,7 @@ from signlin_ros.experiment.families import Family
 from signlin_ros.experiment.parts import REST_PART, Part
 from signlin_ros.experiment.plan import PlanText
 from signlin_ros.experiment.promise import promised
-from signlin_ros.experiment.search import ENOUGH, NEEDED_EVIDENCE, RECOVERS, CommandSearch, CommandTrial
+from signlin_ros.experiment.search import ENOUGH, NEEDED_EVIDENCE, RECOVERS, RESERVE, CommandSearch, CommandTrial
 
 DRAWN, DOWN, TIMES = 12, 0.85, 12
 """Machines drawn from each estimate that must stay within the limits; by what a command is made smaller, how often."""
@@ -83,39 +83,44 @@ def within_limits(search: CommandSearch, best: CommandTrial) -> CommandTrial:
 
 def chained(first: EndedSearch) -> EndedSearch:
     """Return a search whose command is followed by others, for the pairs that are not told apart with as much as a plan
-    asks for, while that shows more.
+    asks for, while that shows more; the same where no other command helps.
     """
-    now = first
-    for count in range(2, MOST_COMMANDS + 1):
-        weak = [one for one in now.told if not (one.alike or one.nested) and one.expected < ENOUGH]
-        longer = _followed(first, now, first.pairs_of(weak), count) if weak else None
-        if longer is None or longer.expects <= now.expects:
-            break
-        now = longer
-    return now
-
-
-def _followed(first: EndedSearch, now: EndedSearch, weak: Sequence[Pair], count: int) -> EndedSearch | None:
-    """Return a command followed by the best one for some pairs; None where none is, or rivals do not come back."""
-    s, other = first.single, first.for_pairs(weak)
-    times = (s.t[1] - s.t[0]) * np.arange(count * s.t.size)
-    if times.size > MOST_SAMPLES:
-        return None
-    more = other.climbed() or other.loudest()
-    if more is None:
-        return None
-    search = CommandSearch(other.bench, s.limits, times, s.spare, s.tell, s.seed, list(s.pairs))
-    parts = (*_of_length(now.best.parts, count - 1), Part("rest", 0.0, 1.0, REST_PART), *_of_length(more.parts, 1))
-    names = dict.fromkeys((*now.best.family.name.split(", then "), more.family.name))
-    family = Family(", then ".join(names), parts, (*now.best.family.texts, *more.family.texts))
-    trial = search.screened(family, parts)
-    best = within_limits(search, trial) if trial else None
-    if best is None or not best.back <= max(RECOVERS * best.least, NEEDED_EVIDENCE / 2):
-        return None
     apart = [one for one in first.told if not (one.alike or one.nested)]
+    search, best = first.search, first.best
+    weak = first.pairs_of([one for one in apart if one.expected < ENOUGH])
+    for count in range(2, MOST_COMMANDS + 1):
+        longer = _followed(first, best, weak, count) if weak else None
+        if longer is None or longer[1].least <= best.least:
+            break
+        search, best = longer
+        known = best.real if best.sure is None else best.sure
+        shown = zip(search.pairs, known.tolist() if known is not None else [], strict=False)
+        weak = [pair for pair, distance in shown if distance < RESERVE * ENOUGH]
+    if best is first.best:
+        return first
     new = {one.rivals: one for one in promised(search, best, first.pairs_of(apart), first.least, [])}
     told = tuple(_still_apart(one, new[one.rivals]) if one.rivals in new else one for one in first.told)
     return replace(first, search=search, best=best, told=told)
+
+
+def _followed(
+    first: EndedSearch, best: CommandTrial, weak: Sequence[Pair], count: int
+) -> tuple[CommandSearch, CommandTrial] | None:
+    """Return a command followed by the best one for some pairs, and its search; None where none is, or where rivals do
+    not come back from it.
+    """
+    s, other = first.single, first.for_pairs(weak)
+    times = (s.t[1] - s.t[0]) * np.arange(count * s.t.size)
+    more = (other.climbed() or other.loudest()) if times.size <= MOST_SAMPLES else None
+    if more is None:
+        return None
+    search = CommandSearch(other.bench, s.limits, times, s.spare, s.tell, s.seed, list(s.pairs))
+    parts = (*_of_length(best.parts, count - 1), Part("rest", 0.0, 1.0, REST_PART), *_of_length(more.parts, 1))
+    names = dict.fromkeys((*best.family.name.split(", then "), more.family.name))
+    trial = search.screened(Family(", then ".join(names), parts, (*best.family.texts, *more.family.texts)), parts)
+    done = within_limits(search, trial) if trial else None
+    sound = done is not None and done.back <= max(RECOVERS * done.least, NEEDED_EVIDENCE / 2)
+    return (search, done) if done is not None and sound else None
 
 
 def _still_apart(before: PlanText, now: PlanText) -> PlanText:

@@ -149,7 +149,7 @@ def designed(
     search = CommandSearch(bench, limits, _times(bench, wishes), wishes.spare, tell, wishes.seed)
     if search.most <= 0.0:
         raise InputError(f"holding the machine takes {bench.bias:g}, more than its limit {search.limits.input:g}")
-    found = _ended(search)
+    found = ended(search)
     if wishes.duration is None and _short(found):
         tell("a longer record", 0.5)
         found = _longer(found, bench, wishes)
@@ -172,7 +172,7 @@ def _longer(found: EndedSearch, bench: RivalBench, wishes: ExperimentWishes) -> 
     else:
         s = found.search
         t = _times(bench, replace(wishes, duration=LONGER * float(s.t[-1] - s.t[0] + s.t[1] - s.t[0])))
-        longer = _ended(CommandSearch(bench, s.limits, t, s.spare, s.tell, s.seed))
+        longer = ended(CommandSearch(bench, s.limits, t, s.spare, s.tell, s.seed))
     return longer if longer.expects > WORTH_LONGER * found.expects else found
 
 
@@ -196,7 +196,7 @@ def _times(bench: RivalBench, wishes: ExperimentWishes) -> Array:
     return np.asarray(step * np.arange(count))
 
 
-def _ended(search: CommandSearch) -> EndedSearch:
+def ended(search: CommandSearch) -> EndedSearch:
     """Return a search of the best command for all pairs that some command tells apart, or for those of the proposal."""
     tell = search.tell
     every, reach = list(search.pairs), search.reached()
@@ -305,4 +305,4 @@ def _visits(search: CommandSearch, best: CommandTrial) -> dict[str, float]:
     return found
 
 
-__all__ = ["ExperimentWishes", "designed", "experiment"]
+__all__ = ["ExperimentWishes", "designed", "ended", "experiment"]

@@ -130,6 +130,12 @@ def test_two_laws_that_no_rival_has_together_are_not_confirmed():
     assert "--between coulomb_friction+cogging_torque,dahl_presliding+cogging_torque" in said
 
 
+def test_two_laws_that_are_no_rivals_at_all_are_told_as_that():
+    rivals, final = [rival("coulomb_friction", errs=9.0)], fitted("gravity_load", "cogging_torque")
+    said = told(evidence(), rivals, final, doubts_of(evidence(), rivals, final))
+    assert "gravity load and cogging torque would be needed together." in said
+
+
 def test_two_laws_of_a_rival_and_one_law_by_itself_are_in_no_such_doubt():
     both = [rival("coulomb_friction", "cogging_torque", errs=0.0), rival("dahl_presliding", errs=9.0)]
     assert doubts_of(evidence(), both, fitted("coulomb_friction", "cogging_torque")) == Doubts()

@@ -23,6 +23,7 @@ from signlin_ros.diagnosis.rivals import rival
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import InputError
 from signlin_ros.experiment import setting
+from signlin_ros.experiment.chain import _of_length, chained
 from signlin_ros.experiment.common_scale import force_power, with_larger_forces
 from signlin_ros.experiment.contenders import Contender, contender
 from signlin_ros.experiment.distance import RivalBench
@@ -32,9 +33,9 @@ from signlin_ros.experiment.minima import led_by, overlap
 from signlin_ros.experiment.naming import open_names, with_named
 from signlin_ros.experiment.parts import PART_KINDS, Part, in_words, rendered, slowed
 from signlin_ros.experiment.plan import ExperimentPlan
-from signlin_ros.experiment.search import changed
+from signlin_ros.experiment.search import CommandSearch, changed
 from signlin_ros.experiment.setting import KnownLimits, bench_of, chosen
-from signlin_ros.experiment.verbs import experiment
+from signlin_ros.experiment.verbs import ended, experiment
 from signlin_ros.fitting.problem import prepare
 from signlin_ros.follow.data import load_sides
 from signlin_ros.model import Model
@@ -307,6 +308,37 @@ def test_of_each_family_the_simplest_laws_are_planned_for():
     assert "coulomb_friction" in {r.effects[0] for r in kept}
     assert "dahl_presliding" in {r.effects[0] for r in kept}
     assert len(rest) == 1
+
+
+# -------------------------------------------------------------------- several commands in one record
+
+
+def test_parts_of_a_record_keep_their_share_beside_each_other():
+    parts = _of_length([Part("sine", 1.0, 1.0, 2.0), Part("hold", 1.0, 1.0, 1.0), Part("rest", 0.0, 1.0, 1.0)], 2.0)
+    assert [p.share for p in parts] == [1.0, 0.5, 0.5]
+
+
+@pytest.fixture(scope="module")
+def three(one_way):
+    """The search of a record for three laws of dry friction, and what commands one after the other make of it."""
+    model, data, _ = load_sides(Model.load(one_way / "model.yaml"), [one_way / "first.csv"], ())
+    names = ["coulomb_friction", "stribeck_friction", "dahl_presliding"]
+    bench = bench_of(model, data, with_named([], model, data, names))
+    search = CommandSearch(bench, limits_of(bench.problem, {"voltage": 6.0}), T[:500], 0.2, lambda what, share: None)
+    first = ended(search)
+    return first, chained(first)
+
+
+@pytest.mark.slow
+def test_commands_one_after_the_other_show_more_and_rest_between(three):
+    first, longer = three
+    assert first.expects < 60.0
+    assert longer.expects > first.expects
+    assert longer.best.u.size in (1000, 1500)
+    assert longer.best.u[0] == longer.best.u[-1] == 0.0
+    assert longer.best.share <= 0.8
+    assert longer.best.parts[: len(first.best.parts)][0].kind == first.best.parts[0].kind
+    assert [one.rivals for one in longer.told] == [one.rivals for one in first.told]
 
 
 # -------------------------------------------------------------------- what no command tells

@@ -21,11 +21,7 @@ def told(evidence: Evidence, rivals: Sequence[RefittedRival], final: FittedModel
         return ""
     ties, parts = doubts.undecided, list[str]()
     if doubts.together:
-        own = set(doubts.together) & {n for r in rivals for n in r.effects}
-        more = listed([n for n in doubts.together if n not in own] or list(doubts.together))
-        pairs = ",".join("+".join([*r.effects, *(set(doubts.together) - own)]) for r in rivals if r.effects)
-        again = f": to plan with {more} beside every rival, signlin experiment --between {pairs}" if own else ""
-        parts.append(f"None of the rivals of the plan is enough: {more} would be needed as well{again}")
+        parts.append(_together(rivals, doubts.together))
     if doubts.near:
         names = listed(["+".join(r.effects) or "nothing" for r in doubts.near])
         parts.append(f"Not confirmed: what it leaves is more than noise, and no small part of what {names} would leave")
@@ -42,6 +38,17 @@ def told(evidence: Evidence, rivals: Sequence[RefittedRival], final: FittedModel
     bounds = [b for r in lost if _holds(r, final) and (b := _bound(evidence, r, final))]
     parts += [f"Excluded is {joined(bounds)}"] if bounds else []
     return " ".join(f"{part}." for part in parts)
+
+
+def _together(rivals: Sequence[RefittedRival], names: Sequence[str]) -> str:
+    """Return what is needed beside the rivals, in words, and the plan that has it beside each of them."""
+    known = {n for r in rivals for n in r.effects}
+    more = [n for n in names if n not in known]
+    if not more or len(more) == len(names):
+        return f"None of the rivals of the plan is enough: {listed(names)} would be needed together"
+    pairs = ",".join("+".join([*r.effects, *more]) for r in rivals if r.effects and not set(more) & set(r.effects))
+    again = f"to plan with {listed(more)} beside every rival, signlin experiment --between {pairs}"
+    return f"None of the rivals of the plan is enough: {listed(more)} would be needed as well; {again}"
 
 
 def _holds(r: RefittedRival, final: FittedModel) -> bool:

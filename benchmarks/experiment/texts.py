@@ -1,0 +1,74 @@
+"""Do texts of effects tell a tie apart better than the plan? `python -m benchmarks.experiment.texts --folder F`.
+
+For every machine that `benchmarks.experiment.run` left in a folder: the distance of both laws of its tie by refits, the
+smaller of both ways, under the plan and under each family of commands that the texts of the two laws ask for, as long
+as the plan and at a ladder of sizes within the limits.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.experiment.run import read
+from benchmarks.experiment.ties import TIES, Tie
+from signlin_ros.experiment.families import COMMAND_FAMILIES, LADDER, asked_by
+from signlin_ros.experiment.limits import limits_of
+from signlin_ros.experiment.naming import with_named
+from signlin_ros.experiment.remedies import least
+from signlin_ros.experiment.search import ENOUGH, CommandSearch
+from signlin_ros.experiment.setting import bench_of
+
+SPARE, PART_OF_BEST, REFITTED = 0.2, 0.8, 3
+"""Part of the limits that is spared; part of the best text at the plan's peak that a plan must show; commands of the
+largest linear distance that are refitted."""
+
+
+def case(tie: Tie, which: int, seed: int, folder: Path) -> dict[str, Any]:
+    """Return the distance under the plan, under the best text, and under the best one no larger than the plan."""
+    t, u = np.loadtxt(folder / "next.csv", delimiter=",", skiprows=1).T
+    names = [m.names[0] for m in tie.machines]
+    model, first = read(tie, [folder / "first.csv"])
+    bench = bench_of(tie.given, first, with_named([], model, first, names))
+    search = CommandSearch(bench, limits_of(bench.problem, tie.limits), t, SPARE, lambda what, share: None)
+    asked = [f for f in COMMAND_FAMILIES if f.name in asked_by(names)]
+    for part in LADDER:
+        for family in asked:
+            search.screened(family, family.at(part * search.most))
+    peak = float(np.abs(u - u[0]).max())
+
+    def best(most: float) -> float:
+        quiet = [one for one in search.tried if one.peak <= most]
+        loud = sorted(quiet, key=lambda one: -float(one.linear.min()))[:REFITTED]
+        return max((least(bench, bench.pairs, t, one.u) for one in loud), default=0.0)
+
+    row: dict[str, Any] = {"tie": tie.key, "true": names[which], "seed": seed}
+    return row | {"plan": least(bench, bench.pairs, t, u), "texts": best(np.inf), "same_peak": best(1.001 * peak)}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--folder", type=Path, default=Path("experiment"))
+    parser.add_argument("--only", nargs="*", default=[], help="names of machines in the folder")
+    parser.add_argument("--output", type=Path, default=Path("texts.jsonl"))
+    chosen = parser.parse_args()
+    ties, rows = {t.key: t for t in (make() for make in TIES)}, []
+    done = {path.parent for path in chosen.folder.glob("*/next.csv")}
+    for folder in sorted(p for p in done if not chosen.only or p.name in chosen.only):
+        key, which, seed = folder.name.rsplit("_", 2)
+        rows.append(case(ties[key], int(which), int(seed), folder))
+        with chosen.output.open("a") as stream:
+            stream.write(json.dumps(rows[-1]) + "\n")
+        print(json.dumps(rows[-1]), flush=True)
+    reach = [row for row in rows if row["texts"] >= ENOUGH]
+    print(f"{ENOUGH:g} by the plan, where a text has it: {sum(r['plan'] >= ENOUGH for r in reach)} of {len(reach)}")
+    as_good = sum(row["plan"] >= PART_OF_BEST * row["same_peak"] for row in rows)
+    print(f"{PART_OF_BEST:g} of the best text at the plan's peak: {as_good} of {len(rows)}")
+
+
+if __name__ == "__main__":
+    main()
