@@ -1,7 +1,9 @@
 """Several commands in one record, one after the other, where no single one tells all rivals apart.
 
-What two parts of a record show adds up: a law refitted to both leaves no less than one refitted to each. So a command
-for the pairs that another one tells apart least is added to it, not put in its place.
+What two parts of a record show adds up: a law refitted to both leaves no less than refitted to each. So the best
+commands for single pairs follow each other, those first by which most pairs come to what a plan asks for; a pair that
+no command tells apart so well decides nothing for the others. [A sum of distances that are cut off is submodular, and
+the greedy choice is within 1 - 1/e of the best: Nemhauser, Wolsey and Fisher 1978, doi:10.1007/BF01588971]
 """
 
 from __future__ import annotations
@@ -10,18 +12,26 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from signlin_ros.experiment.distance import Pair
 from signlin_ros.experiment.families import Family
 from signlin_ros.experiment.parts import REST_PART, Part
 from signlin_ros.experiment.plan import PlanText
 from signlin_ros.experiment.promise import promised
+from signlin_ros.experiment.remedies import least
 from signlin_ros.experiment.search import ENOUGH, NEEDED_EVIDENCE, RECOVERS, RESERVE, CommandSearch, CommandTrial
+
+Array = NDArray[np.float64]
 
 DRAWN, DOWN, TIMES = 12, 0.85, 12
 """Machines drawn from each estimate that must stay within the limits; by what a command is made smaller, how often."""
 MOST_COMMANDS, MOST_SAMPLES = 3, 20_000
 """Most commands in one record, and most samples of it."""
+PAIRS_HELPED, LEAST_GAIN = 6, 0.1
+"""Pairs, the hardest, for which commands are looked for; part by which one more must raise what is shown of them."""
+WORTH_LONGER = 1.3
+"""Times as much that a longer record must show."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,41 +93,73 @@ def within_limits(search: CommandSearch, best: CommandTrial) -> CommandTrial:
 
 def chained(first: EndedSearch) -> EndedSearch:
     """Return a search whose command is followed by others, for the pairs that are not told apart with as much as a plan
-    asks for, while that shows more; the same where no other command helps.
+    asks for; the same where no other command helps, or rivals do not come back from all of them.
     """
     apart = [one for one in first.told if not (one.alike or one.nested)]
-    search, best = first.search, first.best
-    weak = first.pairs_of([one for one in apart if one.expected < ENOUGH])
-    for count in range(2, MOST_COMMANDS + 1):
-        longer = _followed(first, best, weak, count) if weak else None
-        if longer is None or longer[1].least <= best.least:
-            break
-        search, best = longer
-        known = best.real if best.sure is None else best.sure
-        shown = zip(search.pairs, known.tolist() if known is not None else [], strict=False)
-        weak = [pair for pair, distance in shown if distance < RESERVE * ENOUGH]
-    if best is first.best:
+    weak = sorted((one for one in apart if one.expected < ENOUGH), key=lambda one: one.expected)[:PAIRS_HELPED]
+    best_of = {one.rivals: more for one in weak if (more := _best_for(first, one))}
+    options = list(best_of.values())
+    alone = {rivals: more.least for rivals, more in best_of.items()}
+    told = tuple(replace(one, most=max(one.most, alone.get(one.rivals, 0.0))) for one in first.told)
+    first = replace(first, told=told)
+    added = _added(np.array([one.expected for one in weak]), [_shown(first, weak, more) for more in options])
+    longer = _one_after_the_other(first, [first.best, *(options[k] for k in added)]) if added else None
+    if longer is None:
         return first
+    search, best = longer
     new = {one.rivals: one for one in promised(search, best, first.pairs_of(apart), first.least, [])}
-    told = tuple(_still_apart(one, new[one.rivals]) if one.rivals in new else one for one in first.told)
-    return replace(first, search=search, best=best, told=told)
+    told = tuple(_still_apart(one, new[one.rivals]) if one.rivals in new else one for one in told)
+    names = {one.rivals for one in weak}
+    before, after = (
+        sum(min(one.expected, ENOUGH) for one in side if one.rivals in names) for side in (first.told, told)
+    )
+    return replace(first, search=search, best=best, told=told) if after > WORTH_LONGER * before else first
 
 
-def _followed(
-    first: EndedSearch, best: CommandTrial, weak: Sequence[Pair], count: int
-) -> tuple[CommandSearch, CommandTrial] | None:
-    """Return a command followed by the best one for some pairs, and its search; None where none is, or where rivals do
-    not come back from it.
+def _best_for(first: EndedSearch, one: PlanText) -> CommandTrial | None:
+    """Return the best single command for two rivals: the quietest that is enough, else the loudest."""
+    first.search.tell(f"what tells {one.rivals[0]} from {one.rivals[1]}", 0.6)
+    search = first.for_pairs(first.pairs_of([one]))
+    return search.climbed() or search.loudest()
+
+
+def _shown(first: EndedSearch, told: Sequence[PlanText], trial: CommandTrial) -> Array:
+    """Return the distance (pairs,) of each two rivals under a command, the smaller of both ways."""
+    bench, t = first.search.bench, first.single.t
+    return np.array([least(bench, first.pairs_of([one]), t, trial.u) for one in told])
+
+
+def _added(now: Array, shown: Sequence[Array]) -> list[int]:
+    """Return which commands are added, in their order: each time the one by which the distances (pairs,) of now and of
+    those that were ``shown`` come nearest to what is asked for, together.
     """
-    s, other = first.single, first.for_pairs(weak)
-    times = (s.t[1] - s.t[0]) * np.arange(count * s.t.size)
-    more = (other.climbed() or other.loudest()) if times.size <= MOST_SAMPLES else None
-    if more is None:
+    found, most = list[int](), RESERVE * ENOUGH
+    while shown and len(found) < MOST_COMMANDS - 1:
+        worth = [float(np.minimum(now + more, most).sum()) for more in shown]
+        best = int(np.argmax(worth))
+        if worth[best] < (1.0 + LEAST_GAIN) * float(np.minimum(now, most).sum()):
+            break
+        now = now + shown[best]
+        found.append(best)
+    return found
+
+
+def _one_after_the_other(
+    first: EndedSearch, commands: Sequence[CommandTrial]
+) -> tuple[CommandSearch, CommandTrial] | None:
+    """Return commands as one, and its search; None where it is too long, or where rivals do not come back from it."""
+    s = first.single
+    times = (s.t[1] - s.t[0]) * np.arange(len(commands) * s.t.size)
+    if times.size > MOST_SAMPLES:
         return None
-    search = CommandSearch(other.bench, s.limits, times, s.spare, s.tell, s.seed, list(s.pairs))
-    parts = (*_of_length(best.parts, count - 1), Part("rest", 0.0, 1.0, REST_PART), *_of_length(more.parts, 1))
-    names = dict.fromkeys((*best.family.name.split(", then "), more.family.name))
-    trial = search.screened(Family(", then ".join(names), parts, (*best.family.texts, *more.family.texts)), parts)
+    bench = first.for_pairs().bench
+    search = CommandSearch(bench, s.limits, times, s.spare, s.tell, s.seed, list(first.search.pairs))
+    rest, parts = Part("rest", 0.0, 1.0, REST_PART), list[Part]()
+    for one in commands:
+        parts += [*([rest] if parts else []), *_of_length(one.parts, 1.0)]
+    names = dict.fromkeys(one.family.name.removesuffix(", refined") for one in commands)
+    texts = dict.fromkeys(text for one in commands for text in one.family.texts)
+    trial = search.screened(Family(", then ".join(names), tuple(parts), tuple(texts)), tuple(parts))
     done = within_limits(search, trial) if trial else None
     sound = done is not None and done.back <= max(RECOVERS * done.least, NEEDED_EVIDENCE / 2)
     return (search, done) if done is not None and sound else None
@@ -134,4 +176,4 @@ def _of_length(parts: Sequence[Part], share: float) -> tuple[Part, ...]:
     return tuple(replace(p, share=share * p.share / total) for p in parts)
 
 
-__all__ = ["MOST_SAMPLES", "EndedSearch", "chained", "within_limits"]
+__all__ = ["MOST_SAMPLES", "WORTH_LONGER", "EndedSearch", "chained", "within_limits"]

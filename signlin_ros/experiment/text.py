@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 MAX_WEAK_PAIRS = 2
 """Pairs that a command does not tell apart which the sentence names."""
+WORTH_ALONE = 1.3
+"""Times as much that a command for two rivals alone must show to be told."""
 
 
 def sentence(plan: ExperimentPlan) -> str:
@@ -33,10 +35,10 @@ def sentence(plan: ExperimentPlan) -> str:
         what = _capital(plan.families[0].family.removesuffix(", refined")) if plan.families else "This command"
         rivals = joined(list(dict.fromkeys(n for one in apart for n in one.rivals)))
         only = f"{apart[0].rivals[0]} from {apart[0].rivals[1]}" if len(apart) == 1 else f"{rivals} from each other"
-        short = "" if worst.expected >= ENOUGH else f", less than the {ENOUGH:g} that a plan asks for"
+        short = _short(apart)
         parts.append(
             f"{what} up to {np.abs(plan.u).max():.3g} {plan.unit} for {plan.duration:.3g} s would tell {only}:"
-            f" expected {worst.expected:.3g}, {NEEDED_EVIDENCE:g} is needed{short}"
+            f" expected {worst.expected:.3g}{' or more' if len(apart) > 1 else ''}, {NEEDED_EVIDENCE:g} is needed{short}"
         )
     if weak:
         pairs = joined([f"{one.rivals[0]} from {one.rivals[1]}" for one in weak[:MAX_WEAK_PAIRS]], "nor")
@@ -52,6 +54,28 @@ def sentence(plan: ExperimentPlan) -> str:
     if not parts:
         parts = [_nested(one) for one in plan.pairs if one.nested]
     return _capital("; ".join(parts)) + "."
+
+
+def _short(apart: Sequence[PlanText]) -> str:
+    """Return which pairs are told apart with less than is asked for, in words, and whether more can be had for two by
+    themselves; empty where none is.
+    """
+    short = sorted((one for one in apart if one.expected < ENOUGH), key=lambda one: one.expected)
+    if not short:
+        return ""
+    less = f", less than the {ENOUGH:g} that a plan asks for"
+    if len(apart) == 1:
+        return less
+    names = []
+    for one in short[:MAX_WEAK_PAIRS]:
+        alone = f", {one.most:.3g} by themselves" if one.most > WORTH_ALONE * one.expected else ""
+        names.append(f"{one.rivals[0]} from {one.rivals[1]} ({one.expected:.3g}{alone})")
+    more = len(short) - MAX_WEAK_PAIRS
+    names += [f"{more} other pair{'s' if more > 1 else ''}"] if more > 0 else []
+    hint = (
+        "; --between plans for two by themselves" if any(one.most > WORTH_ALONE * one.expected for one in short) else ""
+    )
+    return f"{less} of {joined(names)}{hint}"
 
 
 def _nested(one: PlanText) -> str:

@@ -13,7 +13,7 @@ from signlin_ros.diagnosis.progress import CancelledError
 from signlin_ros.diagnosis.results import Diagnosis
 from signlin_ros.errors import InputError
 from signlin_ros.experiment import text
-from signlin_ros.experiment.chain import MOST_SAMPLES, EndedSearch, chained, within_limits
+from signlin_ros.experiment.chain import MOST_SAMPLES, WORTH_LONGER, EndedSearch, chained, within_limits
 from signlin_ros.experiment.common_scale import is_scaled, with_larger_forces
 from signlin_ros.experiment.distance import RivalBench
 from signlin_ros.experiment.limits import Limits, limits_of
@@ -47,8 +47,8 @@ Array = NDArray[np.float64]
 
 WINDOWS, MIN_RUN_SECONDS, MAX_RUN_SECONDS = 25, 2.0, 10.0
 """Windows of the horizon that a run holds at least, and s of it at least and, unless they need more, at most."""
-LONGER, WORTH_LONGER = 2.0, 1.3
-"""Times as long a record is planned where one is not enough and nobody said how long; times as much it must show."""
+LONGER = 2.0
+"""Times as long a record is planned for two rivals where one is not enough and nobody said how long."""
 SAME_STEP, MAX_FINER = 0.02, 20.0
 """Share by which a step may differ from that of the first records and be the same; times as fine as it may be."""
 
@@ -158,9 +158,9 @@ def designed(
 
 def _short(found: EndedSearch) -> bool:
     """Tell whether a search tells rivals apart, but less surely than a plan asks for."""
-    several = len(found.search.bench.contenders) > 2
-    least = 0.0 if several else NEEDED_EVIDENCE / LONGER
-    return least <= found.expects < ENOUGH and (several or not found.search.spent)
+    if len(found.search.bench.contenders) > 2:
+        return found.expects < ENOUGH
+    return NEEDED_EVIDENCE / LONGER <= found.expects < ENOUGH and not found.search.spent
 
 
 def _longer(found: EndedSearch, bench: RivalBench, wishes: ExperimentWishes) -> EndedSearch:
@@ -168,11 +168,10 @@ def _longer(found: EndedSearch, bench: RivalBench, wishes: ExperimentWishes) -> 
     before it tell apart least, or for two rivals of one command.
     """
     if len(bench.contenders) > 2:
-        longer = chained(found)
-    else:
-        s = found.search
-        t = _times(bench, replace(wishes, duration=LONGER * float(s.t[-1] - s.t[0] + s.t[1] - s.t[0])))
-        longer = ended(CommandSearch(bench, s.limits, t, s.spare, s.tell, s.seed))
+        return chained(found)
+    s = found.search
+    t = _times(bench, replace(wishes, duration=LONGER * float(s.t[-1] - s.t[0] + s.t[1] - s.t[0])))
+    longer = ended(CommandSearch(bench, s.limits, t, s.spare, s.tell, s.seed))
     return longer if longer.expects > WORTH_LONGER * found.expects else found
 
 

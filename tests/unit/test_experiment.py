@@ -23,7 +23,7 @@ from signlin_ros.diagnosis.rivals import rival
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import InputError
 from signlin_ros.experiment import setting
-from signlin_ros.experiment.chain import _of_length, chained
+from signlin_ros.experiment.chain import _added, _of_length, chained
 from signlin_ros.experiment.common_scale import force_power, with_larger_forces
 from signlin_ros.experiment.contenders import Contender, contender
 from signlin_ros.experiment.distance import RivalBench
@@ -318,6 +318,14 @@ def test_parts_of_a_record_keep_their_share_beside_each_other():
     assert [p.share for p in parts] == [1.0, 0.5, 0.5]
 
 
+def test_commands_are_added_by_what_they_bring_the_pairs_that_lack_most():
+    now, none = np.array([5.0, 20.0, 200.0]), np.zeros(3)
+    first, second = np.array([100.0, 0.0, 500.0]), np.array([0.0, 40.0, 0.0])
+    assert _added(now, [none, second, first]) == [2, 1]
+    assert _added(now, [none]) == []
+    assert _added(now, []) == []
+
+
 @pytest.fixture(scope="module")
 def three(one_way):
     """The search of a record for three laws of dry friction, and what commands one after the other make of it."""
@@ -333,7 +341,9 @@ def three(one_way):
 def test_commands_one_after_the_other_show_more_and_rest_between(three):
     first, longer = three
     assert first.expects < 60.0
-    assert longer.expects > first.expects
+    weak = {one.rivals for one in first.told if not (one.alike or one.nested) and one.expected < 60.0}
+    before, after = (sum(min(one.expected, 60.0) for one in f.told if one.rivals in weak) for f in three)
+    assert after > 1.3 * before
     assert longer.best.u.size in (1000, 1500)
     assert longer.best.u[0] == longer.best.u[-1] == 0.0
     assert longer.best.share <= 0.8
