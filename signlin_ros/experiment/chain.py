@@ -28,7 +28,7 @@ DRAWN, DOWN, TIMES = 12, 0.85, 12
 """Machines drawn from each estimate that must stay within the limits; by what a command is made smaller, how often."""
 MOST_COMMANDS, MOST_SAMPLES = 3, 20_000
 """Most commands in one record, and most samples of it."""
-PAIRS_HELPED, LEAST_GAIN = 6, 0.1
+PAIRS_HELPED, LEAST_GAIN = 4, 0.1
 """Pairs, the hardest, for which commands are looked for; part by which one more must raise what is shown of them."""
 WORTH_LONGER = 1.3
 """Times as much that a longer record must show."""

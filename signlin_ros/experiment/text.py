@@ -35,10 +35,10 @@ def sentence(plan: ExperimentPlan) -> str:
         what = _capital(plan.families[0].family.removesuffix(", refined")) if plan.families else "This command"
         rivals = joined(list(dict.fromkeys(n for one in apart for n in one.rivals)))
         only = f"{apart[0].rivals[0]} from {apart[0].rivals[1]}" if len(apart) == 1 else f"{rivals} from each other"
-        short = _short(apart)
+        more = " or more" if len(apart) > 1 else ""
         parts.append(
             f"{what} up to {np.abs(plan.u).max():.3g} {plan.unit} for {plan.duration:.3g} s would tell {only}:"
-            f" expected {worst.expected:.3g}{' or more' if len(apart) > 1 else ''}, {NEEDED_EVIDENCE:g} is needed{short}"
+            f" expected {worst.expected:.3g}{more}, {NEEDED_EVIDENCE:g} is needed{_short(apart)}"
         )
     if weak:
         pairs = joined([f"{one.rivals[0]} from {one.rivals[1]}" for one in weak[:MAX_WEAK_PAIRS]], "nor")
