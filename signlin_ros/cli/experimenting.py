@@ -36,7 +36,11 @@ signlin diagnose my_motor.yaml monday.csv next.csv --validation next_again.csv -
 )
 @click.argument("source", metavar="MODEL|DIAGNOSIS.json")
 @click.argument("data", nargs=-1, metavar="[DATA...]")
-@click.option("--between", metavar="A,B", help="The rivals: effects, joined by + where a rival has several.")
+@click.option(
+    "--between",
+    metavar="A,B",
+    help="The rivals: effects, joined by + where a rival has several; +all_forces: with all forces 10 % larger.",
+)
 @click.option(
     "--limit",
     "limits",
