@@ -191,6 +191,7 @@ def test_a_wave_of_which_less_than_a_period_is_seen_is_no_cogging():
     assert status(found, "cogging_torque") == "rejected"
 
 
+@pytest.mark.long  # each channel alone: in other tests of this file
 def test_every_choice_of_channels_works(tmp_path):
     for number, only in enumerate((("velocity",),)):
         folder = tmp_path / str(number)
@@ -205,8 +206,13 @@ def noisy_input(data, share: float, seed: int = 0):
     return [replace(d, u=d.u + share * d.u.std() * rng.normal(size=d.u.shape)) for d in data]
 
 
-def test_noise_in_the_input_is_no_effect(tmp_path):
-    model, data, unseen = recorded(tmp_path, AXIS, {}, only=("displacement",), level=1e-3)
+@pytest.mark.parametrize(
+    ("drive", "channel"),
+    [(SMALL, "speed"), pytest.param(AXIS, "displacement", marks=pytest.mark.long)],
+    ids=["motor", "axis"],
+)
+def test_noise_in_the_input_is_no_effect(tmp_path, drive, channel):
+    model, data, unseen = recorded(tmp_path, drive, {}, only=(channel,), level=1e-3)
     found = diagnose(model, noisy_input(data, 0.1, 1), noisy_input(unseen, 0.1, 2))
     assert found.verdict == "adequate"
 

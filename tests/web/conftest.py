@@ -164,6 +164,12 @@ def client(shared_server: Server) -> Client:
     return shared_server.client()
 
 
+@pytest.fixture(scope="module")
+def one_project(client: Client) -> str:
+    """A project of that server for tests that leave nothing in it which others would meet."""
+    return client.project()
+
+
 class Page:
     """A browser that looks at a server; counts the clicks."""
 

@@ -56,10 +56,15 @@ def test_a_time_without_a_unit_is_asked_for_and_read_by_one_click(client: Client
     assert state["stages"][0]["done"]
 
 
+@pytest.fixture(scope="module")
+def timed(client: Client) -> str:
+    """A project with a record whose time is right."""
+    return taken(client, run=log("t [ms],voltage,current [mA],speed [rpm]"))[0]
+
+
 @pytest.mark.parametrize("formula", ["nonsense", "3 * speed", "t [parsec]", "0", "(t"])
-def test_a_refused_time_leaves_all_in_place(client: Client, formula: str) -> None:
-    project, _ = taken(client, run=log("t [ms],voltage,current [mA],speed [rpm]"))
-    before = client.state(project)
+def test_a_refused_time_leaves_all_in_place(client: Client, timed: str, formula: str) -> None:
+    project, before = timed, client.state(timed)
     client.act(project, "map_signal", file="run.csv", signal="t", formula=formula)
     state = client.settled(project)
     assert "It is left as it was" in record_of(state)["error"]["what"]

@@ -225,8 +225,8 @@ def test_a_second_server_on_a_folder_is_refused(server: Callable[..., Server], t
 
 
 @pytest.mark.parametrize("body", [b"[" * 100_000, b"[]", b"{", b'{"files": ' + b"[" * 90_000, b'"x"', b"x" * (5 << 20)])
-def test_a_request_that_is_none_is_refused_in_one_line(client: Client, body: bytes) -> None:
-    project = client.project()
+def test_a_request_that_is_none_is_refused_in_one_line(client: Client, one_project: str, body: bytes) -> None:
+    project = one_project
     for path in ("do/take", "show/record", "live/take"):
         status, answer, _ = client.ask("POST", f"/p/{project}/{path}", body, {"x-signlin": "1"})
         assert status == 400, (path, answer)

@@ -85,8 +85,8 @@ def test_nothing_is_loaded_from_elsewhere(client: Client) -> None:
         "con|aux?*.csv",
     ],
 )
-def test_a_file_stays_in_its_project_whatever_it_is_called(client: Client, name: str) -> None:
-    project = client.project()
+def test_a_file_stays_in_its_project_whatever_it_is_called(client: Client, one_project: str, name: str) -> None:
+    project = one_project
     status, answer = client.put(project, name, CSV)
     folder = client.server.folder / ".signlin" / project
     if status == 200:
@@ -101,8 +101,8 @@ def test_a_file_stays_in_its_project_whatever_it_is_called(client: Client, name:
 
 
 @pytest.mark.parametrize("name", ["run.py", "page.html", "noext", "x.csv.exe", ".csv"])
-def test_other_kinds_of_files_are_refused(client: Client, name: str) -> None:
-    status, answer = client.put(client.project(), name, CSV)
+def test_other_kinds_of_files_are_refused(client: Client, one_project: str, name: str) -> None:
+    status, answer = client.put(one_project, name, CSV)
     assert status == 400
     assert "allowed: .csv" in answer
 
@@ -179,8 +179,10 @@ MODEL = "/**:\n  ros__parameters:\n    plant: dc_motor\n    parameters: {R_a: 1,
         ("just text", "ROS 2 parameter file"),
     ],
 )
-def test_a_model_file_from_the_browser_is_looked_at_first(client: Client, text: str, why: str) -> None:
-    project = client.project()
+def test_a_model_file_from_the_browser_is_looked_at_first(
+    client: Client, one_project: str, text: str, why: str
+) -> None:
+    project = one_project
     (client.server.folder / ".signlin" / project / "evil.py").write_text("open('hacked', 'w')")
     name = json.loads(client.put(project, "model.yaml", text.encode())[1])["file"]
     assert client.act(project, "take", files=[name])[0] == 200
