@@ -121,16 +121,18 @@ class RivalBench:
         found = self._followed(self.contenders[j], theta, s)
         return LOST if found is None else float(found[0] @ found[0])
 
-    def margin(self, pair: Pair, s: PreparedSegment, theta: Array) -> float:
+    def margin(self, pair: Pair, s: PreparedSegment, own: float) -> float:
         """Return -2 log likelihood of a noisy record by which the second rival of a pair is behind the first, the true
-        one, of coordinates theta (n,): both refitted with what first records know, the variance unknown.
+        one, which leaves ``own`` squares: refitted with what first records know, the variance unknown.
         """
-        i, j = pair
-        other = self.contenders[j]
+        other = self.contenders[pair[1]]
         starts = [other.theta, *other.sigma_points[:MARGIN_STARTS]]
         cost = min(self._descended(other, s, x)[0] for x in starts)
-        own = self._descended(self.contenders[i], s, theta)[0]
         return 0.0 if max(own, cost) >= LOST else float(s.y.size * np.log(cost / max(own, 1e-12)))
+
+    def left(self, i: int, s: PreparedSegment, theta: Array) -> float:
+        """Return the squares that a rival leaves of a record, refitted from some coordinates."""
+        return self._descended(self.contenders[i], s, theta)[0]
 
     def _descended(self, c: Contender, s: PreparedSegment, theta: Array) -> tuple[float, Array]:
         low, high = c.bounds

@@ -54,23 +54,26 @@ def promised(
                 nested = False  # other parameters imitate what it adds, whichever the command: a symmetry
             alike = bool(most < NEEDED_EVIDENCE) and not nested
         else:
-            margins = [bench.margin(p, shown, theta) for p in ways for shown, theta in drawn[p[0]]]
+            margins = [bench.margin(p, shown, own) for p in ways for shown, own in drawn[p[0]]]
             expected = max(min(expected, *margins), 0.0) if margins else expected
         so_far = abs(float(first[i] - first[j]))
         found.append(PlanText((names[i], names[j]), expected, seen, so_far, most, alike, nested))
     return found
 
 
-def _records(search: CommandSearch, u: Array, i: int) -> list[tuple[PreparedSegment, Array]]:
-    """Return noisy readings of machines drawn from a rival's estimate under a command, and their coordinates."""
+def _records(search: CommandSearch, u: Array, i: int) -> list[tuple[PreparedSegment, float]]:
+    """Return noisy readings of machines drawn from a rival's estimate under a command, and the squares that the rival,
+    refitted, leaves of them.
+    """
     bench, g = search.bench, np.random.default_rng((search.seed, i))
-    found = list[tuple[PreparedSegment, Array]]()
+    found = list[tuple[PreparedSegment, float]]()
     for theta in bench.contenders[i].drawn(g, MACHINES_DRAWN):
         run = bench.run(i, search.t, u, theta)
         if run is not None:
             clean = bench.segment(i, run, theta)
             noise = bench.problem.noise * g.standard_normal(clean.y.shape)
-            found.append((replace(clean, y=np.ascontiguousarray(clean.y + noise)), theta))
+            noisy = replace(clean, y=np.ascontiguousarray(clean.y + noise))
+            found.append((noisy, bench.left(i, noisy, theta)))
     return found
 
 

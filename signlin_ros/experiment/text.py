@@ -159,7 +159,7 @@ def experiment_text(content: Mapping[str, Any]) -> str:
     for one in content["pairs"]:
         told = f"{one['rivals'][0]} / {one['rivals'][1]}"
         seen = "" if one["certainty"] is None else f"{one['certainty']:.1f}"
-        lines.append(f"  {told:<50}{one['expected']:>8.3g} {seen:>8} {one['so_far'] or 0.0:>7.2g}")
+        lines.append(f"  {told:<49} {one['expected']:>8.3g} {seen:>8} {one['so_far'] or 0.0:>7.2g}")
     lines += ["", "The best command of each family                     distance     peak  limits"]
     for row in content["families"]:
         distance = "" if row["distance"] is None else f"{row['distance']:.3g}"

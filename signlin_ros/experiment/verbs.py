@@ -47,6 +47,8 @@ Array = NDArray[np.float64]
 
 WINDOWS, MIN_RUN_SECONDS, MAX_RUN_SECONDS = 25, 2.0, 10.0
 """Windows of the horizon that a run holds at least, and s of it at least and, unless they need more, at most."""
+FAMILIES_TOLD, FAMILIES_OF_SEVERAL = 12, 6
+"""Families whose best command is refitted and told, of two rivals and of more: each pair costs refits."""
 LONGER = 2.0
 """Times as long a record is planned for two rivals where one is not enough and nobody said how long."""
 SAME_STEP, MAX_FINER = 0.02, 20.0
@@ -276,7 +278,8 @@ def _rows(found: EndedSearch) -> list[CommandTrial]:
     """Return the best single command of each other family, the quietest of those that are enough first."""
     single = found.single
     rows = [one for one in single.by_family() if one.family.name != found.best.family.name]
-    rows = [single.refitted(one) for one in sorted(rows, key=lambda one: -one.least)[:12]]
+    most = FAMILIES_TOLD if len(single.bench.contenders) == 2 else FAMILIES_OF_SEVERAL
+    rows = [single.refitted(one) for one in sorted(rows, key=lambda one: -one.least)[:most]]
     return sorted(rows, key=lambda one: (-min(one.least, RESERVE * ENOUGH), one.peak))
 
 
