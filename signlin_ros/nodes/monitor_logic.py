@@ -264,7 +264,7 @@ class MonitorLogic:
             ago = (now - (self.alarm_stamp or now)) / NANO
             return ERROR, f"the machine is not what the model says, since {ago:.1f} s ago"
         if self.usual_error is not None and self._judged:
-            worst = float(np.max(self._score().rms / np.maximum(self.usual_error, 1e-12)))
+            worst = float(np.max(self._score().rms / np.maximum(self.usual_error, np.finfo(float).tiny)))
             if worst > self.settings.warn_above:
                 return WARN, f"predictions are {worst:.1f} times as wrong as usual"
         if self._watch is None or self._watch.trust is None:
@@ -339,8 +339,20 @@ class MonitorLogic:
         while self._judged[0].stamp < update.stamp - self.settings.window * NANO:
             self._judged.popleft()
         if self.usual_error is None and self._watch is not None and self._watch.trust is not None:
-            self.usual_error = self._score().rms
+            self.usual_error = np.maximum(self._score().rms, self._watch.trust * self._sizes())
         return [self._score()]
+
+    def _sizes(self) -> Array:
+        """Return how large the states (n,) were over the window (RMS); of a position, by how much a period changes it.
+
+        Times the guard's trust this is the error that a machine without noise may still make: a model that is right to
+        0.3 % says no more.
+        """
+        sizes = np.sqrt(np.mean(np.square([j.truth for j in self._judged]), axis=0))
+        if self.model is not None and {self.model.plant.position, self.model.plant.velocity} <= set(self.model.states):
+            position, velocity = map(self.model.states.index, (self.model.plant.position, self.model.plant.velocity))
+            sizes[position] = sizes[velocity] * self.model.update_period
+        return np.asarray(sizes)
 
     def _score(self) -> MonitorScore:
         last = self._judged[-1]

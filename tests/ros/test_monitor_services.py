@@ -205,23 +205,27 @@ def test_of_a_record_of_many_rows_the_newest_are_diagnosed(tmp_path: Path, monke
 class Judged:
     """A monitor that watches a motor with friction by a model, with a linearizer on that model."""
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Model, noise: float = 1e-4, steady: bool = False, more: float = 1.0) -> None:
+        """``steady``: 2 V with all states shown, of which ``more`` times as much acts after 12 s as is told."""
         from signlin_ros.linearization import Linearizer
         from signlin_ros.simulation import Stepper
 
-        self.logic = MonitorLogic(MonitorSettings(learn=10.0), 0)
+        self.logic = MonitorLogic(MonitorSettings(learn=10.0, **({"window": 2.0} if steady else {})), 0)
         self.logic.configure(model, 0)
         plant, core, random, k = Stepper(MOTOR, MOTOR.x0.copy()), Linearizer(model), np.random.default_rng(8), 0
+        for _ in range(4000 if steady else 0):
+            plant.advance(0.005, np.array([2.0]))
         while k < 2800:
             now, t = k * NANO // 200, k / 200
-            u = np.array([2.0 * np.sin(1.3 * t) + np.sin(3.1 * t)])
+            u = np.array([2.0 if steady else 2.0 * np.sin(1.3 * t) + np.sin(3.1 * t)])
             self.logic.take_input(u, now)
-            noise = 1e-4 * random.standard_normal()
-            self.logic.take_shown({"position": float(plant.x[MOTOR.states.index("position")]) + noise}, now)
+            error = noise * random.standard_normal()
+            names = MOTOR.states if steady else ("position",)
+            self.logic.take_shown({n: float(plant.x[MOTOR.states.index(n)]) + error for n in names}, now)
             if k % 20 == 0:
                 self.logic.take_update(Update(now, k // 20, core(plant.x, u)))
                 self.logic.work(now)
-            plant.advance(0.005, u)
+            plant.advance(0.005, u if t < 12 else more * u)
             k += 1
         self.health = self.logic.health(k * NANO // 200)
 
@@ -231,6 +235,14 @@ def test_a_model_that_is_right_says_so_with_its_fits() -> None:
     assert health.level == LEVEL_OK
     assert "as usual; the model is right to about 0.3 %" in health.message
     assert "speed fits to" in health.message
+
+
+def test_a_machine_without_noise_may_err_by_what_the_model_is_trusted_to() -> None:
+    judged = Judged(MOTOR, noise=0.0, steady=True, more=1.002)
+    assert "times as wrong" not in judged.health.message
+    assert judged.logic.usual_error is not None
+    speed, trust = judged.logic._judged[-1].truth[MOTOR.states.index("speed")], 0.003
+    assert judged.logic.usual_error[MOTOR.states.index("speed")] == pytest.approx(trust * speed, rel=0.01)
 
 
 def test_a_model_without_its_friction_is_as_usual_but_not_right() -> None:
