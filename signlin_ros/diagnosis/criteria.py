@@ -37,7 +37,7 @@ class Criteria:
     min_periods: float = 3.0
     """Least number of periods of a wave over the position that a record must hold, where the wave's order is free."""
     min_turns: float = 1.0
-    """The same where its order is known: of a weight, a whole turn."""
+    """The same where its order is known, of a weight a whole turn; and of the longest of several waves together."""
 
     # ------------------------------------------------------------ what is known beforehand
     max_tolerances_off: float = 5.0

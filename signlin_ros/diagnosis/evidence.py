@@ -151,8 +151,9 @@ class Evidence:
         shown = {name for name, effect in acting.items() if _has(effect, "input")}
         if f.effects and f.white and (set(f.effects) & self.unseen_by_force - shown or self.force_finds_nothing):
             return False
-        waves = [1.0 for effect in effects if effect.angular and not effect.periodic]  # a weight is a wave of order one
-        waves += _orders(f) if any(effect.periodic for effect in effects) else []
+        of_waves = [effect for effect in effects if effect.periodic or effect.several]
+        waves = [1.0 for effect in effects if effect.angular and effect not in of_waves]  # a weight is one of order one
+        waves += _orders(f) if of_waves else []
         if max(waves, default=0.0) > self.equation_error.waves.finest:
             return False
         pieces = self.equation_error.training.pieces
@@ -369,8 +370,8 @@ def _floats(f: FittedModel) -> bool:
 
 def _orders(f: FittedModel) -> list[float]:
     """Return the orders of the waves of a model."""
-    uses = [(use, find_effect(use.type, "effects").periodic[:1]) for use in f.model.effects.values()]
-    return [N for use, names in uses for name in names for N in np.atleast_1d(use.parameters[name]).tolist()]
+    uses = f.model.effects.values()
+    return [N for use in uses for N, _, _ in find_effect(use.type, "effects").waves(use.parameters)]
 
 
 __all__ = [

@@ -13,6 +13,7 @@
 | `_released` | forces held the base; more than noise is left | a law beside a free base that leaves only noise |
 | `smallest_as_good` | always | of what is as good, the fewest effects, then the fewest parameters |
 | `single_effect_leaving_noise`, `better_option` | more than noise is left | a law by itself, or of one's family |
+| `unidentified` | of a law that leaves but noise the records hold too little | the base: no other law is told for it |
 | `Evidence.with_better_values` | always | the same effects, with parameters of the motion or of the force |
 """
 
@@ -33,7 +34,13 @@ from signlin_ros.diagnosis.family import FamilyChoice
 from signlin_ros.diagnosis.output_error import FittedModel, OutputErrorEstimator
 from signlin_ros.diagnosis.output_error.trials import completed, free_key
 from signlin_ros.diagnosis.results import listed
-from signlin_ros.diagnosis.single_laws import explains_to_noise, fit_every_law, fit_families, needs_no_search
+from signlin_ros.diagnosis.single_laws import (
+    explains_to_noise,
+    fit_every_law,
+    fit_families,
+    needs_no_search,
+    unidentified,
+)
 from signlin_ros.diagnosis.wording import phrases
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import SignlinError
@@ -76,7 +83,9 @@ def select_model(evidence: Evidence) -> Selection:
     final = smallest_as_good(evidence, final) if options else final
     other = single_effect_leaving_noise(evidence, final) or better_option(evidence, final, options)
     final = evidence.with_better_values(smallest_as_good(evidence, other) if other else final)
-    return Selection(evidence.base if final.implausible else final, "" if other else conflict)
+    if final.implausible or (not explains_to_noise(evidence, final) and unidentified(evidence)):
+        return Selection(evidence.base, "" if other else conflict)
+    return Selection(final, "" if other else conflict)
 
 
 def _first_choice(evidence: Evidence) -> tuple[FittedModel, str]:

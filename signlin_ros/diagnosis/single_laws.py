@@ -24,6 +24,12 @@ def explains_to_noise(evidence: Evidence, f: FittedModel) -> bool:
     return evidence.near_any_noise(f) and f.residual_is_noise and not f.far_from_nominal(evidence.criteria)
 
 
+def unidentified(evidence: Evidence) -> dict[str, str]:
+    """Return the single laws that leave only noise, and why the records do not identify them all the same."""
+    fits = [f for f in evidence.single_effect_fits if explains_to_noise(evidence, f)]
+    return {f.effects[0]: why for f in fits if (why := evidence.output_error.not_identifiable(f))}
+
+
 def needs_no_search(evidence: Evidence, f: FittedModel) -> bool:
     """Tell whether a model has one law at most and leaves only noise: then no other law is fitted."""
     return len(f.effects) < 2 and explains_to_noise(evidence, f)
@@ -56,4 +62,4 @@ def _extended(
     return evidence.output_error.extensions(of, names, rival if rival.effects else None, share) if names else []
 
 
-__all__ = ["explains_to_noise", "fit_every_law", "fit_families", "needs_no_search"]
+__all__ = ["explains_to_noise", "fit_every_law", "fit_families", "needs_no_search", "unidentified"]

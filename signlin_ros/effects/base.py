@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import inf
 from typing import Any, ClassVar
 
 from signlin_ros.digits import with_error
 from signlin_ros.errors import joined
-from signlin_ros.par import HasPars, Pars, gathered
+from signlin_ros.par import HasPars, Pars, declared_name, gathered, place_of
 from signlin_ros.scale import Scale
 from signlin_ros.sensors import Sensor
 
@@ -106,6 +106,8 @@ class Effect(HasPars):
     """(amplitude, phase) of a force that is the same with the amplitude's sign changed and half a turn more."""
     periodic: ClassVar[tuple[str, ...]] = ()
     """(order, amplitude, phase) of a force -amplitude sin(order q + phase), whose order is scanned for."""
+    several: ClassVar[tuple[str, ...]] = ()
+    """The same of lists: a sum of such forces, found wave by wave."""
     whole_orders: ClassVar[tuple[str, ...]] = ()
     """Parameters that are periods a turn, and so whole numbers, where the axis is rotary."""
     proposed: ClassVar[bool] = True
@@ -132,6 +134,21 @@ class Effect(HasPars):
     def after(cls, simple: str, p: Mapping[str, float]) -> list[dict[str, float]]:
         """Return more points to start from, given the parameters that a simpler effect was fitted with."""
         return []
+
+    @classmethod
+    def waves(cls, p: Mapping[str, float]) -> list[tuple[float, float, float]]:
+        """Return (order, amplitude, phase) of the waves over the position that it is the sum of; none of another."""
+        if cls.several:
+            numbers = [place_of(n) for n in p if declared_name(n) == cls.several[0]]
+            names = [[f"{n}[{i}]" for n in cls.several] for i in numbers]
+        else:
+            names = [list(cls.periodic)] if cls.periodic else []
+        return [(p[order], p[amplitude], p[phase]) for order, amplitude, phase in names]
+
+    @classmethod
+    def of_waves(cls, waves: Sequence[tuple[float, float, float]]) -> dict[str, float]:
+        """Return its parameters for waves (order, amplitude, phase)."""
+        return {f"{n}[{i}]": x for i, wave in enumerate(waves) for n, x in zip(cls.several, wave, strict=True)}
 
     @classmethod
     def holding(cls, simple: str, p: Mapping[str, float]) -> dict[str, float]:

@@ -21,7 +21,10 @@ class TorqueRipple(Effect):
     experiment = "move slowly over a full turn at constant input"
     angular = True
     family = "waves"
-    proposed = False  # which orders there are, a spectrum of the missing force says, and no fit
+    proposed = False  # it is found wave by wave, from a single one on
+    turning = ("A", "phi")
+    several = ("orders", "A", "phi")
+    telling = ("A",)
 
     orders = Par("1/Q", nominal=1.0, low=0, high=1e5, positive=True, elements=(1.0, 2.0), doc="periods per 2 pi of q")
     A = Par("F", nominal=0.01, low=-1e9, elements=(0.02, 0.01), along="orders", doc="amplitude of each")
@@ -29,7 +32,6 @@ class TorqueRipple(Effect):
         "rad", nominal=0.0, low=-1e4, high=1e4, elements=(0.3, 0.8), along="orders", default=0.0, doc="phase at q = 0"
     )
     whole_orders = ("orders",)
-    held = {"orders": None}
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         waves = zip(p.orders, p.A, p.phi, strict=True)

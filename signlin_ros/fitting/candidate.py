@@ -120,7 +120,7 @@ class Candidate:
             effect = EFFECTS.get(self.model.effects[key].type if key in self.model.effects else key)
             if effect is None or key in kept or k.name in kept:
                 continue
-            if name in effect.neutral or (not k.log and name in (effect.telling or (name,))):
+            if name in effect.neutral or (not k.log and declared_name(name) in (effect.telling or (name,))):
                 theta[i] = k.nothing(effect)
         return theta
 
@@ -246,12 +246,13 @@ def _effect_coordinates(problem: Problem, model: Model, key: str) -> list[Coordi
     use = model.effects[key]
     effect, result = EFFECTS[use.type], []
     for name, value in use.parameters.items():
-        par, full, order = effect.pars()[name], f"{key}.{name}", name in effect.periodic[:1]
+        orders = (*effect.periodic[:1], *effect.several[:1])
+        par, full, order = effect.pars()[name], f"{key}.{name}", declared_name(name) in orders
         if declared_name(name) in effect.held or par.structural or full not in model.trace.parameters:
             continue
         if order and problem.turns:
             continue  # a whole number
-        if par.positive or (effect.floating and par.low >= 0.0 and value > 0.0):
+        if (par.positive and not order) or (effect.floating and par.low >= 0.0 and value > 0.0):
             reach = MAX_LOG_LOAD_CHANGE if par.positive and effect.floating else 12.0
             result.append(Coordinate(full, True, value, -reach, reach, 0.0, SHAPE))
         else:

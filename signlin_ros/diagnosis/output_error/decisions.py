@@ -82,7 +82,7 @@ class Decisions:
             return phrases.change(certainty, c.min_t)
         if g.worsens(c.max_rise_t, c.visible_change) and not self.settles(before, after):
             return phrases.A_CHANNEL_RISES
-        return after.insignificant(c) or self._not_identifiable(after)
+        return after.insignificant(c) or self.not_identifiable(after)
 
     def settles(self, before: FittedModel, after: FittedModel) -> bool:
         """Tell whether ``after`` is the better one although the error of a channel rises: it leaves nothing but tested
@@ -95,20 +95,22 @@ class Decisions:
         )
         return after.residual_is_noise and not before.white and not there and after.log_mse < before.log_mse
 
-    def _not_identifiable(self, f: FittedModel) -> str:
+    def not_identifiable(self, f: FittedModel) -> str:
         """Return which force the records cannot identify, in words; empty where none.
 
-        A limit that was always passed; a wave too fast for the samples; and, unless the residual is tested noise, a
-        zero beyond the travel of an unmeasured position, or a wave of too few periods.
+        A limit that was always passed; a wave too fast for the samples; several waves of which the longest has not one
+        period in the record, since their sum is then any curve; and, unless the residual is tested noise, a zero beyond
+        the travel of an unmeasured position, or a wave of too few periods.
         """
         for key, use in f.added.items():
             if not EFFECTS[use.type].is_met(use.parameters, *self.training.position_range):
                 return phrases.beyond_limit(key)
         if quick := self._undersampled_wave(f):
             return quick
-        if f.residual_is_noise and f.within_noise(self.criteria.max_rmse_over_noise):
-            return ""
         few = self.few_waves(f)
+        any_curve = {k: n for k, n in few.items() if EFFECTS[f.added[k].type].several and n < self.criteria.min_turns}
+        if f.residual_is_noise and f.within_noise(self.criteria.max_rmse_over_noise) and not any_curve:
+            return ""
         return self._beyond_travel(f) or next((phrases.few_waves(key, n) for key, n in few.items()), "")
 
     def _beyond_travel(self, f: FittedModel) -> str:
@@ -116,7 +118,7 @@ class Decisions:
         any load is such a force.
         """
         problem, place = self.training, self.training.plant.position
-        steady = any(EFFECTS[use.type].periodic for use in f.added.values())
+        steady = bool(f.wave_orders)
         if steady or depends_on_place(problem.base.structure) or not depends_on_place(f.model.structure):
             return ""
         starts = [one.x for one in f.fit.candidate.starts.values() if place not in one.record.start]
@@ -142,15 +144,13 @@ class Decisions:
     def _undersampled_wave(self, f: FittedModel) -> str:
         """Return which wave over the position is undersampled, in words; empty where none is."""
         step = self.training.scale.step
-        orders = {k: use.parameters[n] for k, use in f.added.items() for n in EFFECTS[use.type].periodic[:1]}
-        quick = [key for key, order in orders.items() if np.max(order) * self._slow * step > np.pi]
+        quick = [key for key, order in f.wave_orders if order * self._slow * step > np.pi]
         return phrases.wave_too_fast(quick[0]) if quick else ""
 
     def few_waves(self, f: FittedModel) -> dict[str, float]:
         """Return how many periods the records hold of each periodic force of a model, of those of too few."""
         way = float(np.ptp(self.training.position_range))
-        orders = {k: use.parameters[n] for k, use in f.added.items() for n in EFFECTS[use.type].periodic[:1]}
-        held = {key: order * way / (2 * np.pi) for key, order in orders.items()}
+        held = {key: order * way / (2 * np.pi) for key, order in sorted(f.wave_orders, reverse=True)}  # the least last
         return {key: waves for key, waves in held.items() if waves < self.criteria.min_periods}
 
     def as_good_as_best(self, before: FittedModel, options: Sequence[FittedModel]) -> list[FittedModel]:

@@ -26,7 +26,15 @@ from signlin_ros.diagnosis.output_error.fitting import (
     window_squares,
 )
 from signlin_ros.diagnosis.output_error.minima import Minima
-from signlin_ros.diagnosis.output_error.trials import CandidateParts, Trial, completed, rescanned, trials, tryable
+from signlin_ros.diagnosis.output_error.trials import (
+    CandidateParts,
+    Trial,
+    completed,
+    rescanned,
+    trials,
+    tryable,
+    with_a_wave_more,
+)
 from signlin_ros.diagnosis.progress import Progress
 from signlin_ros.diagnosis.wording import phrases
 from signlin_ros.effects import EFFECTS
@@ -212,8 +220,21 @@ class OutputErrorEstimator(Minima):
         found = self._all_finished(of, kept)
         if not names and found and not min(found, key=attrgetter("log_mse")).white:
             found += self._all_finished(of, self._richer(of, found, options))
+        found += self._with_more_waves(of, found)
         found += self.simplified(*found)
         return sorted({one.kind: one for one in found}.values(), key=attrgetter("log_mse"))
+
+    def _with_more_waves(self, of: FittedModel, found: Sequence[FittedModel]) -> list[FittedModel]:
+        """Return fits of more waves over the position where one was found, wave by wave as long as that improves."""
+        more, now = list[FittedModel](), [f for f in found if f.wave_orders]
+        while now and not min((*found, *more), key=attrgetter("log_mse")).white:
+            grown = [(f, trial) for f in now if (trial := with_a_wave_more(self.training, f.fit))]
+            fits = self.in_parallel(lambda pair: self._multi_start(of.fit, pair[1], len(pair[1].starts)), grown)
+            ends = [self._all_finished(of, [fit] if fit else []) for fit in fits]
+            pairs = [(f, one) for (f, _), end in zip(grown, ends, strict=True) for one in end]
+            more += [one for _, one in pairs]
+            now = [one for f, one in pairs if not self.refusal(f, one)]
+        return more
 
     def _from_equation_error(self, trial: Trial) -> Trial:
         """Return a trial that starts from what the equation-error estimate found of its effect, too."""

@@ -25,6 +25,7 @@ from signlin_ros.fitting.problem import Problem
 from signlin_ros.model import Model
 from signlin_ros.model.numbers import declared
 from signlin_ros.model.uses import EffectUse
+from signlin_ros.par import declared_name
 from signlin_ros.recording.trace import resolve_unit
 
 Array = NDArray[np.float64]
@@ -148,8 +149,15 @@ class FittedModel:
     @property
     def n_parameters(self) -> int:
         """Number of parameters beyond those of the model as given, with the whole orders that were chosen for waves."""
-        own = {one.k.name for one in self.coordinates if one.key in self.kind}
-        return len(own | {f"{k}.{n}" for k, use in self.added.items() for n in EFFECTS[use.type].periodic[:1]})
+        added = [one for one in self.coordinates if one.key in self.kind]
+        orders = {n for use in self.added.values() for n in _orders(EFFECTS[use.type])}
+        return len({one.k.name for one in added if declared_name(one.name) not in orders}) + len(self.wave_orders)
+
+    @property
+    def wave_orders(self) -> list[tuple[str, float]]:
+        """The orders of all waves over the position that were added, with the keys of their effects."""
+        uses = self.added.items()
+        return [(key, order) for key, use in uses for order, _, _ in EFFECTS[use.type].waves(use.parameters)]
 
     @cached_property
     def prior_distance(self) -> float:
@@ -180,23 +188,24 @@ class FittedModel:
         effect = EFFECTS[self.added[key].type if key in self.added else key.partition(".")[0]]
         if key in self.implausible:
             return phrases.not_real(key)
-        told, where = (*effect.telling, *effect.essential), {*effect.turning[1:], *effect.periodic[:1]}
-        own = {i: one for i, one in enumerate(self.coordinates) if one.key == key and one.name not in where}
-        moving = {i: one for i, one in own.items() if np.isfinite(one.std) or one.name in told}
+        told, where = (*effect.telling, *effect.essential), {*effect.turning[1:], *_orders(effect)}
+        of_key = ((i, one) for i, one in enumerate(self.coordinates) if one.key == key)
+        own = {i: one for i, one in of_key if declared_name(one.name) not in where}
+        moving = {i: one for i, one in own.items() if np.isfinite(one.std) or declared_name(one.name) in told}
         if own and not moving:
             return phrases.unknown(key)
         at: dict[str, int] = {}
         for i, one in moving.items():
-            k, name = one.k, one.name
+            k, name = one.k, declared_name(one.name)
             if one.at_bound and (name in told or k.log):
                 return phrases.at_bound(k.name)
             if not k.log or name in effect.neutral or k.name.startswith("sensor_gain"):
-                at[name] = i
+                at[one.name] = i
             elif one.std > criteria.max_relative_std and (not told or name in told):
                 return phrases.vague(k.name)
             elif one.std > 1.0 / criteria.min_coefficient_t and name in effect.telling:
                 return phrases.insignificant(k.name, 1.0 / one.std)
-        tests: list[tuple[int, ...]] = [(at[n],) for n in effect.telling if n in at]
+        tests: list[tuple[int, ...]] = [(i,) for n, i in at.items() if declared_name(n) in effect.telling]
         for index in tests or ([tuple(at.values())] if at else []):
             size = self._joint_t(effect, index)
             surely = max(size, self.likelihood_t(index)) if 1.0 <= size < criteria.min_coefficient_t else size
@@ -210,14 +219,15 @@ class FittedModel:
         """
         cls, sizes = EFFECTS[effect], [np.inf]
         keys = {k for k, use in self.added.items() if use.type == effect} or set(self.kind)
-        where = {*cls.turning[1:], *cls.periodic[:1]}
+        where = {*cls.turning[1:], *_orders(cls)}
         own = {
             one.name: (i, one)
             for i, one in enumerate(self.coordinates)
-            if one.key in keys and one.name not in where and one.k.name.startswith(effect)
+            if one.key in keys and declared_name(one.name) not in where and one.k.name.startswith(effect)
         }
         levels = [i for i, one in own.values() if not one.k.log or one.name in cls.neutral]
-        told: list[tuple[int, ...]] = [(own[n][0],) for n in cls.telling if n in own and own[n][0] in levels]
+        telling = [(n, i) for n, (i, _) in own.items() if declared_name(n) in cls.telling]
+        told: list[tuple[int, ...]] = [(i,) for _, i in telling if i in levels]
         sizes += [self._joint_t(cls, index) for index in told or ([tuple(levels)] if levels else [])]
         sizes += [1.0 / one.std for n, (_, one) in own.items() if n in cls.telling and one.k.log and one.std > 0.0]
         return float(min(sizes))
@@ -228,6 +238,11 @@ class FittedModel:
         """
         apart = np.array([self.coordinates[i].x - self.coordinates[i].k.nothing(effect) for i in index])
         return float(np.sqrt(min(squared_distance(apart, c[np.ix_(index, index)]) for c in self.covariances)))
+
+
+def _orders(effect: type[Effect]) -> tuple[str, ...]:
+    """Return the names under which an effect declares orders of waves, which tell nothing of its size."""
+    return (*effect.periodic[:1], *effect.several[:1])
 
 
 def coordinates_of(f: Fit, covariances: Sequence[Array]) -> tuple[FittedCoordinate, ...]:

@@ -20,6 +20,8 @@ from signlin_ros.par import nominal_values
 
 ARC = 0.25
 """Least way in rad over which one sine of the position is more than a load and a spring."""
+MAX_WAVES, SAME_ORDER = 6, 0.05
+"""Most waves over the position that are fitted together; orders that differ by a smaller share are one."""
 SENSOR_DELAYS = (0.5, 1.5, 5.0)
 """Delays of a sensor that a fit starts from, in samples."""
 
@@ -138,6 +140,22 @@ def rescanned(problem: Problem, trial: Trial, before: Fit) -> Trial:
     return replace(trial, starts=starts or trial.starts)
 
 
+def with_a_wave_more(problem: Problem, f: Fit) -> Trial | None:
+    """Return a trial of the waves that a fit has in its last effect, with one more of those that show in what it
+    leaves; None where that is no wave, or has `MAX_WAVES`.
+    """
+    use = f.fitted().effects.get(f.candidate.label[-1])
+    effect = EFFECTS[use.type] if use else Effect
+    waves = effect.waves(use.parameters) if use else []
+    larger = [one for one in EFFECTS.values() if waves and one.several and one.family == effect.family]
+    if not larger or len(waves) >= MAX_WAVES:
+        return None
+    found = periodic_starts(problem, f.fitted())
+    new = [one for one in found if min(abs(one[0] / wave[0] - 1.0) for wave in waves) > SAME_ORDER]
+    starts = tuple(completed(problem, larger[0], larger[0].of_waves([*waves, one])) for one in new)
+    return Trial(larger[0].name, starts) if starts else None
+
+
 @dataclass(frozen=True)
 class CandidateParts:
     """A model without its sensors, the keys of the effects that were added to it, and what was added to sensors."""
@@ -181,4 +199,4 @@ class CandidateParts:
         return replace(c, values={n: given.get(n, v) for n, v in c.values.items()})
 
 
-__all__ = ["CandidateParts", "Trial", "completed", "free_key", "rescanned", "trials", "tryable"]
+__all__ = ["CandidateParts", "Trial", "completed", "free_key", "rescanned", "trials", "tryable", "with_a_wave_more"]

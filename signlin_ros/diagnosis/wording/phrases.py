@@ -42,6 +42,11 @@ def change(t: float, asked: float, most: str = "") -> str:
     return f"the error on validation data falls by {size}, {asked:g} are asked"
 
 
+def too_little(what: str, why: str) -> str:
+    """Return what would explain the records, and why they do not tell."""
+    return f"Too little was recorded to tell what is missing: {what}, but {why}"
+
+
 # -------------------------------------------------------------------- one parameter, one effect
 
 AT_BOUND = "at its bound"

@@ -11,6 +11,7 @@ from signlin_ros.diagnosis.dataset import Dataset
 from signlin_ros.diagnosis.evidence import HALF, Evidence
 from signlin_ros.diagnosis.output_error import FittedModel
 from signlin_ros.diagnosis.results import ParameterEstimate, listed
+from signlin_ros.diagnosis.single_laws import unidentified
 from signlin_ros.diagnosis.validation import force_left, force_percent, freed
 from signlin_ros.diagnosis.verdict import Verdict
 from signlin_ros.diagnosis.wording import phrases
@@ -134,8 +135,12 @@ def _reaches(problem: Problem) -> dict[str, tuple[float, float]]:
 
 
 def _unsure(evidence: Evidence, verdict: Verdict) -> str:
-    """Return which effects alone take most of what is missing away, of a force that is seen too, but not surely."""
+    """Return which effects alone take most of what is missing away, of a force that is seen too, but not surely; or
+    one that would leave but noise, and of which the records hold too little.
+    """
     motion, c, found = evidence.output_error, evidence.criteria, dict[str, float]()
+    for name, why in unidentified(evidence).items():
+        return phrases.too_little(f"{listed([name])} would leave nothing but noise", why)
     for f in sorted(evidence.single_effect_fits, key=lambda f: f.n_parameters):
         g, certainty, part = (
             motion.improvement(verdict.base, f),
@@ -151,7 +156,7 @@ def _unsure(evidence: Evidence, verdict: Verdict) -> str:
     names = list(found)[:MAX_UNSURE_EFFECTS]
     surely = phrases.change(max(found[n] for n in names), c.min_t, "at most " if len(names) > 1 else "")
     told = " or ".join(listed([n]) for n in names)
-    return f"Too little was recorded to tell what is missing: {told} would take most of it away, but {surely}"
+    return phrases.too_little(f"{told} would take most of it away", surely)
 
 
 def falls(evidence: Evidence, verdict: Verdict, before: FittedModel, after: FittedModel) -> str:
