@@ -310,6 +310,7 @@ def better_option(evidence: Evidence, final: FittedModel, options: Sequence[Fitt
     motion, base, force = evidence.output_error, evidence.base, evidence.equation_error
     good = [f for f in map(motion.best, options) if len(f.effects) <= max(len(final.effects), 1)]
     good = [f for f in good if set(f.effects) != set(final.effects) and not motion.refusal(base, f)]
+    good = [f for f in good if not _alike_and_no_simpler(evidence, final, f)]
     good = [
         f
         for f in good
@@ -318,6 +319,15 @@ def better_option(evidence: Evidence, final: FittedModel, options: Sequence[Fitt
     return _simplest(
         evidence, [f for f in good if force is None or final.effects or not _contradicts_force(evidence, force, f)]
     )
+
+
+def _alike_and_no_simpler(evidence: Evidence, now: FittedModel, other: FittedModel) -> bool:
+    """Tell whether ``other`` errs by what a table shows for ``now``, with no fewer effects and parameters: differences
+    that no table shows may be of one sign in every block, as where both are the same law.
+    """
+    alike = evidence.output_error.improvement(now, other).rmse_ratios > 1.0 - evidence.criteria.visible_change
+    simpler = (len(other.effects), other.n_parameters) < (len(now.effects), now.n_parameters)
+    return bool(alike.all()) and not simpler and (now.white or not other.white)
 
 
 def _simplest(evidence: Evidence, options: Sequence[FittedModel]) -> FittedModel | None:
