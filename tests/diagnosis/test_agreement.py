@@ -929,9 +929,11 @@ def test_one_law_that_leaves_noise_is_told_at_once(effects, settled):
     assert not single_laws.needs_no_search(w, Fit(effects, (3.0 * NOISE,), 1.0))
 
 
-@pytest.mark.parametrize(("rms", "force", "taken"), [(0.2, 0.5, True), (1.0, 0.5, False), (0.2, 3.0, False)])
+@pytest.mark.parametrize(
+    ("rms", "force", "taken"), [(0.2, 0.5, True), (1.0, 0.5, False), (0.2, 3.0, False), (0.9999, 0.5, False)]
+)
 def test_one_law_goes_before_another_that_leaves_surely_more(rms, force, taken):
-    """Not where the motion hardly gains, nor where it leaves more force."""
+    """Not where the motion hardly gains, be it by as little in every block, nor where it leaves more force."""
     first = Fit(("dahl_presliding",), (1.0,), 1.0, parameters=2)
     loop = Fit(("bouc_wen_hysteresis",), (rms,), force, parameters=3)
     w = both(Asking(BASE), equation_error_stub(*LAWS), BASE, first, loop, tried=[first, loop])
