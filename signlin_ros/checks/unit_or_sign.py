@@ -86,7 +86,8 @@ class UnitOrSign(OfColumns):
         fits = _fitting(looks, p, limit, (*signs(look, p), *units(look, p)))
         strict = STRICTER * limit
         two = [reading for reading in pairs(look, p) if not _stated(look) & reading.divided.keys()]
-        fits = fits or _fitting(looks, p, strict, two) or _fitting(looks, p, strict, gears(look, p))
+        if not fits:  # where two units fit and one factor does as well, both are told: only a ratio is known then
+            fits = [*_fitting(looks, p, strict, two), *_fitting(looks, p, strict, gears(look, p))]
         fits = _by_force(looks, p, fits)
         if not fits:
             return
@@ -128,8 +129,11 @@ def _stated(look: Look) -> set[str]:
 
 
 def _may_be_guess(look: Look, r: Reading) -> bool:
-    """Tell whether a reading may as well be parameters that are guesses: not by a factor beyond `MAX_GUESS`."""
-    return r.far_fetched and _guessed(look.model) and max(abs(math.log(abs(f))) for f in r.divided.values()) < MAX_GUESS
+    """Tell whether a reading may as well be parameters that are guesses: one signal not by more than `MAX_GUESS`; of two
+    only the ratio may count.
+    """
+    logs = [math.log(abs(factor)) for factor in r.divided.values()]
+    return r.far_fetched and _guessed(look.model) and (len(logs) > 1 or abs(logs[0]) < MAX_GUESS)
 
 
 def _guessed(model: Model) -> bool:

@@ -16,21 +16,23 @@ MAX_SHOWN_TIMES = 3
 
 
 class WildSamples(Check):
-    """Single samples of a position or a velocity lie far from their neighbours, which agree: lost readings, a sensor
-    that slips where it passes zero, a number cut in two.
+    """Single samples of a position, a velocity or another state lie far from their neighbours, which agree: lost
+    readings, a sensor that slips where it passes zero, a number cut in two.
 
-    Test: what has inertia does not leave its way for one sample or two and come back; a few that are beyond noise and
-    beyond whatever else the record does, or more that depart three times further than any peak of the motion
-    (`signlin_ros.records.outliers`). None is found in the shared records of real machines. Cure: these samples are left
-    out, before anything else is looked at: squares let one outweigh thousands, and the other channel would be blamed.
+    Test: what has inertia, or a winding's current, does not leave its way for one sample or two and come back; a few
+    that are beyond noise and beyond whatever else the record does, or more that depart three times further than any
+    peak of the motion (`signlin_ros.records.outliers`). None is found in the shared records of real machines. Cure:
+    these samples are left out, before anything else is looked at: squares let one outweigh thousands, and the other
+    channel would be blamed.
     """
 
     name = "wild_samples"
 
     def find(self, look: Look) -> Iterator[Finding]:
         """Yield the channels that have such samples."""
-        for name in (n for n in (look.position, look.velocity) if n in look.channels):
-            off = wild(look.record, name)
+        names = dict.fromkeys((look.position, look.velocity, *look.record.states))
+        for name in (n for n in names if n in look.channels):
+            off = wild(look.record, name, inert=name in (look.position, look.velocity))
             if not off.any():
                 continue
             values, times = look.of(name)[off], look.t[off]

@@ -62,9 +62,11 @@ def without_outliers(record: ModelData, channels: tuple[str, ...]) -> tuple[Mode
     return (replace(record, measured={**record.measured, **cleaned}) if cleaned else record), notes
 
 
-def wild(record: ModelData, name: str) -> NDArray[np.bool_]:
-    """Return which samples (T,) of a measured position or velocity are off: the seldom ones (`without_outliers`), and
-    more of them where each lies between neighbours that agree, `BEYOND` times further off than any other sample is.
+def wild(record: ModelData, name: str, inert: bool = True) -> NDArray[np.bool_]:
+    """Return which samples (T,) of a measured state are off: the seldom ones (`without_outliers`), and more of them
+    where each lies between neighbours that agree, `BEYOND` times further off than any other sample is.
+
+    ``inert``: no step of an input moves it for a sample or two, as a position or a velocity; a current leaps with it.
     """
     y = record.measured[name]
     off = _departing(record, y)
@@ -78,7 +80,7 @@ def wild(record: ModelData, name: str) -> NDArray[np.bool_]:
                 stepping = _stepping(record.u[there])
                 parts = [
                     _set_apart(y[there], calm, 0 if before else MAX_FEW_OUTLIERS)
-                    for calm in (~stepping, stepping | ~stepping)
+                    for calm in ((~stepping, stepping | ~stepping) if inert else (~stepping,))
                 ]
                 found[there[np.concatenate(parts)]] = True
         if before == found.sum():
