@@ -86,7 +86,7 @@ class UnitOrSign(OfColumns):
         fits = _fitting(looks, p, limit, (*signs(look, p), *units(look, p)))
         strict = STRICTER * limit
         two = [reading for reading in pairs(look, p) if not _stated(look) & reading.divided.keys()]
-        if not fits:  # where two units fit and one factor does as well, both are told: only a ratio is known then
+        if not fits:  # two units that fit, and one factor that does as well: only a ratio is known
             fits = [*_fitting(looks, p, strict, two), *_fitting(looks, p, strict, gears(look, p))]
         fits = _by_force(looks, p, fits)
         if not fits:
