@@ -129,8 +129,8 @@ def _stated(look: Look) -> set[str]:
 
 
 def _may_be_guess(look: Look, r: Reading) -> bool:
-    """Tell whether a reading may as well be parameters that are guesses: one signal not by more than `MAX_GUESS`; of two
-    only the ratio may count.
+    """Tell whether a reading may as well be parameters that are guesses: one signal not by more than `MAX_GUESS`; of
+    two only the ratio may count.
     """
     logs = [math.log(abs(factor)) for factor in r.divided.values()]
     return r.far_fetched and _guessed(look.model) and (len(logs) > 1 or abs(logs[0]) < MAX_GUESS)
