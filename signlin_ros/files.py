@@ -13,7 +13,7 @@ from signlin_ros.errors import InputError
 TEXT = (".csv", ".txt", ".tsv", ".dat", ".log", ".lvm", ".trace", ".jsonl", ".ndjson")
 PACKED = (".gz", ".zip", ".bz2", ".xz")
 BAGS = (".mcap", ".db3")
-ARRAYS = (".mat", ".npz")
+ARRAYS = (".mat", ".npz", ".h5", ".hdf5")
 LOGS = (".json",)
 TABLES = (*ARRAYS, ".parquet", ".feather", ".arrow", ".mf4", ".mdf", ".tdms")
 """Suffixes of records: text, packed text, bags' files, named arrays, logs of servos, all tables in binary files."""

@@ -78,3 +78,24 @@ def test_version_7_3_and_rubbish(tmp_path: Path) -> None:
     path.write_bytes(b"")
     with pytest.raises(RecordError, match="not a readable MAT file"):
         read_record(path)
+
+
+def test_groups_and_tables_of_hdf5(tmp_path: Path) -> None:
+    """An episode of a robot's demonstration, with a table of its own beside."""
+    h5py = pytest.importorskip("h5py")
+    t = 0.02 * np.arange(50)
+    with h5py.File(tmp_path / "episode_0.hdf5", "w") as file:
+        file["action"] = np.outer(t, [1.0, 2.0])
+        file.create_group("observations")["qpos"] = np.outer(t, [3.0, 4.0])
+        file["observations/images"] = np.zeros((50, 2, 2))
+        file["log"] = np.array(list(zip(t, 5.0 * t, strict=True)), dtype=[("time", float), ("u", float)])
+    record = read_record(tmp_path / "episode_0.hdf5")
+    np.testing.assert_allclose(record.t, t)
+    found = {
+        name: record.signals[record.require(name)].values[1] / 0.02
+        for name in ("action[1]", "observations.qpos[0]", "u")
+    }
+    assert found == pytest.approx({"action[1]": 2.0, "observations.qpos[0]": 3.0, "u": 5.0})
+    (tmp_path / "broken.h5").write_bytes(b"no such file")
+    with pytest.raises(RecordError, match=r"broken.h5: not an HDF5 file that can be read"):
+        read_record(tmp_path / "broken.h5")

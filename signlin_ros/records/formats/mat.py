@@ -1,5 +1,5 @@
 """Named arrays: MATLAB files with vectors, matrices and structs of them, through scipy.io, and h5py where they are of
-version 7.3; NumPy's .npz.
+version 7.3; other HDF5 files; NumPy's .npz.
 
 Simulink's ways to write are known: structures with time, a matrix whose first row is the time (To File), ``u``, ``y``
 and the sampling time ``Ts``.
@@ -31,6 +31,7 @@ Array = npt.NDArray[np.float64]
 _STEPS = ("ts", "dt", "sampletime", "sample_time", "sampling_time", "tsample", "t_s", "samplingtime")
 """What a sampling time in s may be called, in small letters."""
 _OWN_TIME = re.compile(r"\.(?:time|times|timestamps?|t|stamps?)\Z", re.IGNORECASE)
+HDF = (".h5", ".hdf5")
 SAME_TIME_SHARE = 0.01
 """Times that differ by less than this share of a step are taken for the same."""
 
@@ -175,13 +176,16 @@ def _notes(out: Mapping[str, str]) -> tuple[Note, ...]:
 def _load(path: Path, source: str) -> dict[str, Any]:
     if path.suffix.lower() == ".npz":
         return _load_npz(path, source)
+    if path.suffix.lower() in HDF:
+        return _load_hdf(path, source, "an HDF5 file", "is it damaged, or still open in the program that writes it?")
     from scipy.io import loadmat, whosmat
 
     try:
         limits.check_size(sum(8 * math.prod(shape) for _, shape, _ in whosmat(str(path))), source)
         return dict(loadmat(str(path)))
     except NotImplementedError:
-        return _load_hdf(path, source)
+        kind = "a MAT file of version 7.3 (HDF5; save(..., '-v7') in MATLAB makes one that needs nothing)"
+        return _load_hdf(path, source, kind, "save it in MATLAB with save(..., '-v7')")
     except RecordError:
         raise
     except Exception as error:  # scipy raises nearly anything on a damaged file
@@ -211,13 +215,12 @@ def _npz_value(file: Any, name: str) -> Any:
         return None
 
 
-def _load_hdf(path: Path, source: str) -> dict[str, Any]:
-    """The variables of a file of version 7.3; structs as mappings."""
+def _load_hdf(path: Path, source: str, kind: str, advice: str) -> dict[str, Any]:
+    """The variables of a HDF5 file; structs and groups as mappings. ``kind``: what it is; ``advice`` if it is not."""
     try:
         import h5py
     except ImportError:
-        what = f"{source}: a MAT file of version 7.3 (HDF5; save(..., '-v7') in MATLAB makes one that needs nothing)"
-        raise MissingExtraError(what, "formats") from None
+        raise MissingExtraError(f"{source}: {kind}", "formats") from None
     try:
         with h5py.File(path, "r") as file:
             sizes: list[int] = []
@@ -225,8 +228,7 @@ def _load_hdf(path: Path, source: str) -> dict[str, Any]:
             limits.check_size(sum(sizes), source)
             return {name: _hdf_value(file, value) for name, value in file.items() if not name.startswith("#")}
     except OSError as error:
-        advice = "save it in MATLAB with save(..., '-v7')"
-        raise RecordError(f"{source}: not a readable MAT file of version 7.3 ({error}); {advice}") from error
+        raise RecordError(f"{source}: not {kind.split(' (', 1)[0]} that can be read ({error}); {advice}") from error
 
 
 def _hdf_value(file: Any, value: Any) -> Any:
@@ -239,6 +241,8 @@ def _hdf_value(file: Any, value: Any) -> Any:
     if value.dtype.kind == "O":
         parts = [file[reference] for reference in np.asarray(value).reshape(-1)]
         return _hdf_value(file, parts[0]) if len(parts) == 1 else np.array(["cells"])
+    if value.dtype.names and value.ndim == 1 and not kind:
+        return {name: np.asarray(value[name]) for name in value.dtype.names}
     if value.dtype.names:
         return np.array([1j])
     return np.asarray(value).T
