@@ -20,6 +20,7 @@ from signlin_ros.records.table import Record
 if TYPE_CHECKING:
     from signlin_ros.model import Model
 
+SPREADSHEETS = (".xlsx", ".xls", ".xlsm", ".ods", ".numbers")
 MIN_RUN_ROWS = 20
 """Runs of fewer rows are left out beside longer ones."""
 
@@ -176,9 +177,12 @@ def _read_file(file: Path, source: str, signals: Mapping[str, str], wanted: list
 
         return records_of(mat.read_table(file, source, signals), signals, keep)
     if suffix in LOGS:
-        from signlin_ros.records.formats import bam
+        from signlin_ros.records.formats import bam, mat, objects
 
-        return records_of(bam.read_table(file, source), signals, keep)
+        content = bam.read(file, source)
+        log = bam.is_log(content)
+        table = bam.table_of(content, source) if log else mat.table_of(objects.arrays(content), source, signals)
+        return records_of(table, signals, keep)
     if suffix in TABLES:
         from signlin_ros.records.formats.tables import read_table
 
@@ -195,5 +199,7 @@ def _check_there(file: Path, source: str) -> None:
         hint = suggest(file.name, [entry.name for entry in folder.iterdir()]) if folder else ""
         raise RecordError(f"{source}: no such file or folder{hint}")
     known = (*TEXT, *PACKED, *TABLES, *LOGS, *BAGS)
+    if file.is_file() and file.suffix.lower() in SPREADSHEETS:
+        raise RecordError(f"{source}: a workbook; save the sheet with the record as CSV (UTF-8), and give that")
     if file.is_file() and file.suffix.lower() not in known:
         raise RecordError(f"{source}: unknown kind {file.suffix!r}; records are {', '.join(known)} or rosbag2 folders")

@@ -17,7 +17,8 @@ _AFTER = re.compile(r"(?P<name>[^/,]*[^/, ]) ?(?:, ?|/ ?(?=\(?[^/]+(?:/[^/]+)?\)
 _IN = re.compile(r"(?P<name>.*?)(?:^|\s)in (?P<unit>\S+)\Z")
 _FURTHER = "elapsed elapsed_time time_stamp datetime date_time date/time clock uptime ros_time tout rel_time stime utc"
 _FURTHER += " x_value sec secs seconds millis micros zeit date ms_today"
-_FURTHER += " temps tiempo tempo tijd tid czas cas čas aika idő zaman время час 时间 時間 時刻 时刻 시간"
+_FURTHER += " temps tiempo tempo tijd tid czas cas čas aika uhrzeit heure hora ora klokkeslett"
+_FURTHER += " idő zaman время час 时间 時間 時刻 时刻 시간"
 _TIMES = (*TIME_NAMES, *_FURTHER.split())
 _TIME = re.compile(rf"(?:__|%)?(?P<name>{'|'.join(_TIMES)})(?:\(\))?(?:_(?P<unit>s|sec|ms|us|ns))?\Z", re.IGNORECASE)
 _TIME_UNITS = {"ms_today": "ms", "millis": "ms", "micros": "us", "sec": "s", "secs": "s", "seconds": "s"}

@@ -78,6 +78,8 @@ def times_of(table: RawTable, signals: Mapping[str, str]) -> Times:
         if not table.named
         else "no time column (t, time, timestamp or stamp, with a unit like 't [ms]')"
     )
+    text = [repr(note.channel) for note in table.notes if note.kind == "left_out" and note.channel]
+    kind += f" (text is left out: {', '.join(text)})" if text else ""
     raise RecordError(
         f"{table.source}: {kind}; {listing(labels)}; name it with --signal t=COLUMN (or signals: {{t: COLUMN}}), "
         "or say --dt 0.01 where the rows are 0.01 s apart"

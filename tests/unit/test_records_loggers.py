@@ -1,5 +1,6 @@
 """What loggers write that is no plain table is read as one."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -53,6 +54,15 @@ LOGGERS = {
         f"a: {a}\nnames:\n- x\nvelocity: []\nload:\n  b: {b}\n"
         for k, (_, a, b) in enumerate(ROWS)
     ),
+    "monitor.txt": "\n".join(f"10:05:{3 + t:06.3f} -> a:{a} b:{b}" for t, a, b in ROWS),
+    "console.log": "[INFO] [1719000000.100000000] [driver]: started\n"
+    + "\n".join(f"[INFO] [{1719000001 + t:.9f}] [driver]: a={a} b={b}" for t, a, b in ROWS),
+    "program.log": "\n".join(
+        f"2024-07-01 10:05:{3 + t:06.3f} - INFO - a={a}, b={b}".replace(".", ",", 1) for t, a, b in ROWS
+    ),
+    "columns.json": json.dumps({"rig": "x", "data": dict(zip(("t", "a", "b"), zip(*ROWS, strict=True), strict=True))}),
+    "rows.json": json.dumps([{"t": t, "m": {"a": a}, "b": b, "ok": True, "s": "x"} for t, a, b in ROWS]),
+    "foot.csv": "t;a;b\n" + "\n".join(f"{t};{a};{b}" for t, a, b in ROWS) + "\n\nMean;1;2\nLargest;3;4\n",
     "cut.csv": "t,a,b\n" + "\n".join(f"{t},{a},{b}" for t, a, b in ROWS) + "\n0.2,3\n",
 }
 
@@ -93,6 +103,27 @@ def test_a_clock_that_is_coarser_than_the_rows(sent: int, tmp_path: Path) -> Non
     (tmp_path / "run.csv").write_text("t,a\n" + "\n".join(f"{t:.2f},{k}" for k, t in enumerate(jumping)))
     with pytest.raises(RecordError, match=r"same time stamp but differ.*--dt"):
         read_record(tmp_path / "run.csv")
+
+
+@pytest.mark.parametrize("cell", ["∞", "-∞", "#DIV/0!", "#NV", "OL", "overflow"])
+def test_cells_that_stand_for_no_value(cell: str, tmp_path: Path) -> None:
+    rows = [f"{t},{cell if k == 7 else a},{b}" for k, (t, a, b) in enumerate(ROWS)]
+    (tmp_path / "run.csv").write_text("t,a,b\n" + "\n".join(rows), encoding="utf-8")
+    values = read_record(tmp_path / "run.csv").signals["a"].values
+    assert np.flatnonzero(np.isnan(values)).tolist() == [7]
+
+
+def test_a_workbook_is_to_be_saved_as_text(tmp_path: Path) -> None:
+    (tmp_path / "run.xlsx").write_bytes(b"PK")
+    with pytest.raises(RecordError, match=r"run.xlsx: a workbook; save the sheet with the record as CSV"):
+        read_record(tmp_path / "run.xlsx")
+
+
+def test_a_time_of_day_that_is_called_otherwise_is_named(tmp_path: Path) -> None:
+    (tmp_path / "run.csv").write_text("at,a\n" + "\n".join(f"10:05:{3 + t:06.3f},{a}" for t, a, _ in ROWS))
+    with pytest.raises(RecordError, match=r"no time column .*text is left out: 'at'"):
+        read_record(tmp_path / "run.csv", wanted=["a"])
+    assert np.diff(read_record(tmp_path / "run.csv", {"t": "at"}).t) == pytest.approx(0.005)
 
 
 PARTS = {

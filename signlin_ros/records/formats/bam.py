@@ -35,12 +35,21 @@ SIGNED, WORD = 2**15, 2**16
 ALLOWED = 'a log of BAM: {"kp": ..., "mass": ..., "entries": [{"timestamp": ..., "position": ...}, ...]}'
 
 
-def read_table(path: Path, source: str) -> RawTable:
-    """Read a log; raise `RecordError` where the file is no such log."""
+def read(path: Path, source: str) -> Any:
+    """Return what a file of JSON holds; raise `RecordError` where it is none."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        return json.loads(path.read_text(encoding="utf-8"))
     except (ValueError, UnicodeDecodeError) as error:
         raise RecordError(f"{source}: not a readable .json file ({error})") from error
+
+
+def is_log(content: Any) -> bool:
+    """Tell whether JSON is such a log: it has entries."""
+    return isinstance(content, dict) and "entries" in content
+
+
+def table_of(content: Any, source: str) -> RawTable:
+    """Return a log as a table; raise `RecordError` where it is no such log."""
     entries = content.get("entries") if isinstance(content, dict) else None
     if not (isinstance(entries, list) and entries and all(isinstance(entry, dict) for entry in entries)):
         raise RecordError(f"{source}: found JSON without a list of entries; allowed: {ALLOWED}")
@@ -85,4 +94,4 @@ def _signed(name: str, column: Array, notes: list[Note]) -> Array:
     return np.where(column >= SIGNED, column - WORD, column)
 
 
-__all__ = ["read_table"]
+__all__ = ["is_log", "read", "table_of"]

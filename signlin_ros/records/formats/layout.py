@@ -27,10 +27,16 @@ Integers = npt.NDArray[np.int64]
 csv.field_size_limit(1 << 30)  # a longer line is no fault of its own: its cells are counted as those of any other
 TEXT_SEPARATORS = ("\t", ";", ",", "|", " ")
 """A blank stands for any run of white space."""
+_SPREADSHEETS = "#n/a #na #nv #div/0! #value! #wert! #valeur! #valor! #valore! #ref! #bezug! #num! #zahl! #null! #name?"
+_INSTRUMENTS = "∞ +∞ -∞ ol o.l. overload overflow overrange ovf"
 EMPTY_CELLS = frozenset(
-    {"", "nan", "na", "n/a", "#n/a", "#na", "null", "none", "-", "--", "?", "-nan", "nan(ind)", "-nan(ind)"}
+    {"", "nan", "na", "n/a", "null", "none", "-", "--", "?", "-nan", "nan(ind)", "-nan(ind)"}
+    | {*_SPREADSHEETS.split(), *_INSTRUMENTS.split()}
 )
-"""What a cell without a value holds, in small letters."""
+"""What a cell without a value holds, in small letters: the errors of spreadsheets and what instruments write beyond
+their range, too."""
+MOST_FOOT_LINES = 20
+"""Lines below the table that are looked for."""
 LAYOUT_LINES_LOOKED = 200
 """So many lines at the end and as many from the start tell the layout."""
 _COMMENT = re.compile(r"\s*(?:#|//|%(?!time\b))")
@@ -95,7 +101,9 @@ def layout(text: str, source: str) -> Layout:
     body, numbers = _without_empty(body, numbers, separator)
     header_line = lines[kept[first - 1 - bool(unit_row)]] if names is not None and first else None
     body, numbers, runs = _without_headers(body, numbers, header_line, lines[kept[first - 1]] if unit_row else None)
+    body, numbers, foot = _without_foot(lines, body, numbers, separator)
     body, numbers, cut = _without_cut(body, numbers, separator, width, ended)
+    cut = [*foot, *cut]
     if not body:
         raise RecordError(f"{source}: a header but no rows of data")
     header = names if names is not None else [f"c{i + 1}" for i in range(width)]
@@ -297,6 +305,30 @@ def _without_headers(
     starts = np.unique(np.cumsum(~there)[there])
     kept = np.flatnonzero(~there)
     return [body[i] for i in kept], numbers[kept], tuple(int(i) for i in starts if 0 < i < kept.size)
+
+
+def _without_foot(
+    lines: Sequence[str], body: list[str], numbers: Integers, separator: str
+) -> tuple[list[str], Integers, list[Note]]:
+    """The rows without what stands below an empty line at the end and begins with a word where all others begin with a
+    value: sums and means of a spreadsheet, a signature.
+    """
+    empty = next(
+        (
+            i
+            for i in range(len(lines) - 1, len(lines) - 2 - MOST_FOOT_LINES, -1)
+            if i > 0 and not lines[i].strip(f"{separator} ")
+        ),
+        0,
+    )
+    first = int(np.searchsorted(numbers, empty + 1))
+    foot = body[first:] if empty else []
+    if not 0 < len(foot) < len(body) or any(is_value(cells(line, separator)[0]) for line in foot):
+        return body, numbers, []
+    if not is_value(cells(body[first - 1], separator)[0]):
+        return body, numbers, []
+    said = f"what stands below the empty line {empty + 1} is no row of values and left out: {shortened(foot[0])!r}"
+    return body[:first], numbers[:first], [Note(said, "truncated")]
 
 
 def _without_cut(

@@ -9,6 +9,7 @@ Each is known by what stands at its beginning. What comes out is a table with na
 - CODESYS and ctrlX traces: ``[key]; [value]``, then time and value in a block for each variable.
 - Rigol (X, CH1, ..., Start, Increment), Tektronix TDS (keys in the first columns, beside the samples).
 - ``t:0.005, u:1.2`` and ``{"t": 0.005, "m": {"u": 1.2}}``: a name before every value; ``m.u`` of objects in objects.
+  What a monitor or a program's log puts in front of a line, ``10:05:03.125 -> ``, is its ``stamp``.
 - Tables whose cells hold lists, ``"[0.1, 0.2]"``, as data frames of robots are written: ``q[0]``, ``q[1]``.
 """
 
@@ -18,12 +19,12 @@ import csv
 import json
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
+from signlin_ros.records.formats.objects import leaves
 from signlin_ros.records.header import heading
 from signlin_ros.records.notes import Note
 from signlin_ros.units import conversion
@@ -47,6 +48,14 @@ _FIRST = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)[,;\s]+(?=[A
 _FRAMES = re.compile(
     r"^\s*\(\d+\.\d+\)\s+\w+\s+[0-9A-Fa-f]{3,8}(?:#|\s+\[\d+\])|^base (?:hex|dec)\s+timestamps ", re.MULTILINE
 )
+_PREFIX = re.compile(
+    r"\s*(?:\[[A-Z]+\]\s*\[(?P<seconds>\d+\.\d+)\](?:\s*\[[^\]]*\])?:?"
+    r"|\[?(?:(?P<day>\d{4}-\d\d-\d\d)[ T])?(?P<hour>\d\d):(?P<minute>\d\d):(?P<second>\d\d[.,]\d+)\]?"
+    r"(?:\s*[-|:]*\s*\[?[A-Z]{4,8}\]?)?(?:\s*[-|]*\s*\[?[\w.]+\]?(?=\s*[:|-]))?)\s*(?:->|[|:-])?\s*"
+)
+"""What ROS, a serial monitor or a program's log puts in front of a line: ``[INFO] [1719000000.5] [node]: ``,
+``10:05:03.125 -> ``, ``2024-07-01 10:05:03,125 - INFO - ``.
+"""
 _PAIRS = re.compile(r"[,;\s]*")
 _LISTS = re.compile(r'^[^"\[{]+\n(?:[^\n"]*[,;\t])?"\[\s*[-+.\d]')
 LABEL_LINES = 50
@@ -298,7 +307,7 @@ def _labelled(text: str) -> Plain | None:
         return None
     found = [one for one in map(read, lines) if one]
     cut = not text.endswith("\n") and len(found) > 1 and _cut(found[-1], found[-2])
-    found = found[:-1] if cut else found
+    found = _from_first(found[:-1] if cut else found)
     names = list(dict.fromkeys(name for one in found for name in one))
     columns, heads = [], []
     for name in names:
@@ -330,6 +339,8 @@ def _pairs(line: str) -> Labelled | None:
     found, at = Labelled(), 0
     if bare := _FIRST.match(line):
         found["c1"], at = (float(bare[1]), ""), bare.end()
+    if prefix := _PREFIX.match(line):
+        found["stamp"], at = (_stamp(prefix), "s"), prefix.end()
     while at < len(line.rstrip()):
         match = _LABELLED.match(line, at)
         if match is None:
@@ -337,7 +348,29 @@ def _pairs(line: str) -> Labelled | None:
         found[match["name"]] = _value(match["value"]), match["unit"] or ""
         between = _PAIRS.match(line, match.end())
         at = between.end() if between else match.end()
-    return found if len(found) > 1 or "c1" not in found else None
+    return found if found.keys() - {"c1", "stamp"} else None
+
+
+def _stamp(prefix: re.Match[str]) -> int:
+    """Return the time in ns that a program puts in front of a line: since 1970, or of the day."""
+    if prefix["seconds"]:
+        return _nanoseconds(prefix["seconds"])
+    day = int(np.datetime64(prefix["day"]).astype("datetime64[s]").astype(np.int64)) if prefix["day"] else 0
+    whole = day + 3600 * int(prefix["hour"]) + 60 * int(prefix["minute"])
+    return 10**9 * whole + _nanoseconds(prefix["second"].replace(",", "."))
+
+
+def _nanoseconds(seconds: str) -> int:
+    whole, _, part = seconds.partition(".")
+    return 10**9 * int(whole) + int(part[:9].ljust(9, "0"))
+
+
+def _from_first(rows: Sequence[Labelled]) -> list[Labelled]:
+    """Return rows with stamps in front of their lines (whole ns) in s from the first one."""
+    first = next((row["stamp"][0] for row in rows if isinstance(row.get("stamp", (0.0, ""))[0], int)), None)
+    if first is None:
+        return list(rows)
+    return [{**row, "stamp": ((row["stamp"][0] - first) * 1e-9, "s")} if "stamp" in row else row for row in rows]
 
 
 def _value(cell: str) -> float:
@@ -350,19 +383,7 @@ def _json(line: str) -> Labelled | None:
         row = json.loads(line)
     except ValueError:
         return None
-    return {name: (value, "") for name, value in _leaves(row)} or None if isinstance(row, dict) else None
-
-
-def _leaves(value: Any, name: str = "") -> Iterator[tuple[str, float]]:
-    """Yield the numbers of what JSON holds: ``motor.u`` of an object in another one, ``q[0]`` of a list."""
-    if isinstance(value, dict):
-        for key, one in value.items():
-            yield from _leaves(one, f"{name}.{key}" if name else str(key))
-    elif isinstance(value, list):
-        for k, one in enumerate(value):
-            yield from _leaves(one, f"{name}[{k}]")
-    elif isinstance(value, (int, float)) and not isinstance(value, bool):
-        yield name, float(value)
+    return {name: (value, "") for name, value in leaves(row)} or None if isinstance(row, dict) else None
 
 
 # -------------------------------------------------------------------- lists in cells

@@ -48,7 +48,12 @@ def read_table(path: Path, source: str, signals: Mapping[str, str]) -> RawTable:
     RecordError
         Not such a file, no time vector.
     """
-    found = _own_times(_first_rows(_one_time(_flat(dict(_variables(_load(path, source))))), signals), signals)
+    return table_of(_load(path, source), source, signals)
+
+
+def table_of(variables: Mapping[str, Any], source: str, signals: Mapping[str, str]) -> RawTable:
+    """Return named arrays, structs of them as mappings, as a table: see `read_table`."""
+    found = _own_times(_first_rows(_one_time(_flat(dict(_variables(variables)))), signals), signals)
     out = {name: why for name, why in ((name, _no_vector(value)) for name, value in found.items()) if why}
     vectors = {name: value.astype(np.float64) for name, value in found.items() if name not in out}
     headings = _headings(list(vectors))
