@@ -56,7 +56,7 @@ LOGGERS = {
     ),
     "monitor.txt": "\n".join(f"10:05:{3 + t:06.3f} -> a:{a} b:{b}" for t, a, b in ROWS),
     "console.log": "[INFO] [1719000000.100000000] [driver]: started\n"
-    + "\n".join(f"[INFO] [{1719000001 + t:.9f}] [driver]: a={a} b={b}" for t, a, b in ROWS),
+    + "\n".join(f"[INFO] [1719000001.{round(1e9 * t):09d}] [driver]: a={a} b={b}" for t, a, b in ROWS),
     "program.log": "\n".join(
         f"2024-07-01 10:05:{3 + t:06.3f} - INFO - a={a}, b={b}".replace(".", ",", 1) for t, a, b in ROWS
     ),

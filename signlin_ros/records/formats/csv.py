@@ -23,20 +23,10 @@ from signlin_ros.errors import RecordError
 from signlin_ros.files import TEXT
 from signlin_ros.records import limits
 from signlin_ros.records.clean import Keep, RawTable
+from signlin_ros.records.formats.cells import EMPTY_CELLS, GROUPED, MEASURED, is_number, opened, shortened
 from signlin_ros.records.formats.echo import joint_states, messages
 from signlin_ros.records.formats.encodings import decoded
-from signlin_ros.records.formats.layout import (
-    EMPTY_CELLS,
-    GROUPED,
-    MEASURED,
-    Layout,
-    by_number,
-    is_number,
-    labelled,
-    layout,
-    opened,
-    shortened,
-)
+from signlin_ros.records.formats.layout import Layout, by_number, labelled, layout
 from signlin_ros.records.formats.loggers import plain, raw_frames
 from signlin_ros.records.formats.regular import regular
 from signlin_ros.records.formats.stamps import directions, times_of_day

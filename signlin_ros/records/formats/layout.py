@@ -7,7 +7,6 @@ run.
 
 from __future__ import annotations
 
-import csv
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -18,39 +17,27 @@ import numpy.typing as npt
 
 from signlin_ros import units
 from signlin_ros.errors import RecordError
+from signlin_ros.records.formats.cells import (
+    EMPTY_CELLS,
+    TEXT_SEPARATORS,
+    cells,
+    is_number,
+    is_value,
+    opened,
+    shortened,
+)
 from signlin_ros.records.grammar import words
 from signlin_ros.records.header import heading
 from signlin_ros.records.notes import Note
 
 Integers = npt.NDArray[np.int64]
 
-csv.field_size_limit(1 << 30)  # a longer line is no fault of its own: its cells are counted as those of any other
-TEXT_SEPARATORS = ("\t", ";", ",", "|", " ")
-"""A blank stands for any run of white space."""
-_SPREADSHEETS = "#n/a #na #nv #div/0! #value! #wert! #valeur! #valor! #valore! #ref! #bezug! #num! #zahl! #null! #name?"
-_INSTRUMENTS = "∞ +∞ -∞ ol o.l. overload overflow overrange ovf"
-EMPTY_CELLS = frozenset(
-    {"", "nan", "na", "n/a", "null", "none", "-", "--", "?", "-nan", "nan(ind)", "-nan(ind)"}
-    | {*_SPREADSHEETS.split(), *_INSTRUMENTS.split()}
-)
-"""What a cell without a value holds, in small letters: the errors of spreadsheets and what instruments write beyond
-their range, too."""
 MOST_FOOT_LINES = 20
 """Lines below the table that are looked for."""
 LAYOUT_LINES_LOOKED = 200
 """So many lines at the end and as many from the start tell the layout."""
 _COMMENT = re.compile(r"\s*(?:#|//|%(?!time\b))")
-MEASURED = re.compile(r"([-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?)\s+([^\d\s.,+-][^\s]*)")
-"""A number and its unit in one cell: ``0.005 sec``."""
-GROUPED = re.compile(r"[-+]?[1-9]\d{0,2}(?:(?:[.'\u00a0\u202f ]\d{3})+,\d+|(?:[,'\u00a0\u202f ]\d{3})+\.\d+)")
-"""A number in groups of three digits, ``1.234,5`` and ``1'234.5``: its last mark is the decimal one. Without that a
-mark may be either.
-"""
 _BY_NUMBER = re.compile(r"c\d+")
-_TIMELIKE = re.compile(
-    r"(?:\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}[T ]?)?\s*(?:\d{1,2}:\d\d(?::\d\d)?(?:[.,]\d*)?)?"
-    r"\s*(?:[APap][Mm]|Z|[-+]\d\d:?\d\d)?"
-)
 
 
 @dataclass(frozen=True)
@@ -126,31 +113,6 @@ def _rows_of_text(text: str, lines: Sequence[str]) -> Sequence[int]:
     return [i for i, line in enumerate(lines) if line.strip()]
 
 
-def cells(line: str, separator: str) -> list[str]:
-    """The cells of a line, stripped."""
-    if separator == " " and '"' not in line:
-        return line.split()
-    row = next(csv.reader([line.strip() if separator == " " else line], delimiter=separator, skipinitialspace=True), [])
-    return [cell.strip() for cell in row]
-
-
-def is_number(cell: str) -> bool:
-    """Whether a cell reads as a number, with a point or a comma."""
-    try:
-        float(cell.replace(",", "."))
-    except ValueError:
-        return bool(GROUPED.fullmatch(cell))
-    return "_" not in cell
-
-
-def is_value(cell: str) -> bool:
-    """Whether a cell holds a number, a number with its unit, a date or a time of day."""
-    if is_number(cell) or ((":" in cell or cell.count("-") == 2) and _TIMELIKE.fullmatch(cell)):
-        return True
-    match = MEASURED.fullmatch(cell)
-    return match is not None and units.parse(match[2]) is not None
-
-
 def _separator(lines: Sequence[str]) -> tuple[str, int]:
     """The separator that splits most lines into equally many values, and how many cells those have."""
     looked = (
@@ -175,14 +137,6 @@ def _separator(lines: Sequence[str]) -> tuple[str, int]:
 def _width(row: Sequence[str]) -> int:
     """How many cells a row has; an empty one after a last separator counts, since it may be a missing sample."""
     return len(row)
-
-
-def opened(line: str, separator: str) -> int | None:
-    """The cell, from 0, of a line that opens a quote and does not close it; None where there is none."""
-    if line.count('"') % 2 == 0:
-        return None
-    found = re.search(rf'(?:^|{re.escape(separator)})\s*"', line)
-    return None if found is None else line[: found.start() + 1].count(separator)
 
 
 def _first_row(lines: Sequence[str], kept: Sequence[int], separator: str, width: int) -> int | None:
@@ -378,12 +332,6 @@ def by_number(shape: Layout, asked: Iterable[str]) -> Layout:
     said = f"the header has {len(shape.header)} cells, the rows {width}: the columns are called c1 to c{width}"
     header = [f"c{i + 1}" for i in range(width)]
     return replace(shape, header=header, named=False, unit_row=(), notes=(*shape.notes, Note(said, "format")))
-
-
-def shortened(text: str, most: int = 60) -> str:
-    """A text, or its beginning with dots."""
-    text = " ".join(text.split())
-    return text if len(text) <= most else f"{text[: most - 4]} ..."
 
 
 def _no_rows(source: str, first: str, kept: Sequence[int], separator: str) -> RecordError:

@@ -16,18 +16,15 @@ Each is known by what stands at its beginning. What comes out is a table with na
 from __future__ import annotations
 
 import csv
-import json
 import re
-from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
-from signlin_ros.records.formats.objects import leaves
+from signlin_ros.records.formats.labels import labelled, quoted, table_text, with_unit
 from signlin_ros.records.header import heading
 from signlin_ros.records.notes import Note
-from signlin_ros.units import conversion
 
 Array = npt.NDArray[np.float64]
 Plain = tuple[str, Note]
@@ -35,31 +32,11 @@ Plain = tuple[str, Note]
 Track = tuple[str, Array, Array]
 """Name (with its unit), times (N,) s and values (N,) of a signal."""
 
-Labelled = dict[str, tuple[float, str]]
-"""Names of a line's values, each with its number and its unit."""
-
 END = "***End_of_Header***"
-_LABELLED = re.compile(
-    r"\s*(?P<name>[A-Za-z_][\w./\[\]]*)\s*[:=]\s*"
-    r"(?P<value>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf|ovf)\b)"
-    r"\s*(?P<unit>(?:[A-Za-zµ°%/]+(?=[,;\s]|\Z))(?!\s*[:=]))?\s*"
-)
-_FIRST = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)[,;\s]+(?=[A-Za-z_])")
 _FRAMES = re.compile(
     r"^\s*\(\d+\.\d+\)\s+\w+\s+[0-9A-Fa-f]{3,8}(?:#|\s+\[\d+\])|^base (?:hex|dec)\s+timestamps ", re.MULTILINE
 )
-_PREFIX = re.compile(
-    r"\s*(?:\[[A-Z]+\]\s*\[(?P<seconds>\d+\.\d+)\](?:\s*\[[^\]]*\])?:?"
-    r"|\[?(?:(?P<day>\d{4}-\d\d-\d\d)[ T])?(?P<hour>\d\d):(?P<minute>\d\d):(?P<second>\d\d[.,]\d+)\]?"
-    r"(?:\s*[-|:]*\s*\[?[A-Z]{4,8}\]?)?(?:\s*[-|]*\s*\[?[\w.]+\]?(?=\s*[:|-]))?)\s*(?:->|[|:-])?\s*"
-)
-"""What ROS, a serial monitor or a program's log puts in front of a line: ``[INFO] [1719000000.5] [node]: ``,
-``10:05:03.125 -> ``, ``2024-07-01 10:05:03,125 - INFO - ``.
-"""
-_PAIRS = re.compile(r"[,;\s]*")
 _LISTS = re.compile(r'^[^"\[{]+\n(?:[^\n"]*[,;\t])?"\[\s*[-+.\d]')
-LABEL_LINES = 50
-"""Lines that tell whether values have labels."""
 VOLTS = ("volt", "volts", "v")
 """What an oscilloscope calls what a probe shows, whatever that measures: no unit of it."""
 TICKS = 1e-7
@@ -87,7 +64,7 @@ def plain(text: str) -> Plain | None:
         return _tektronix(text.split("\n"))
     if _LISTS.search(text[:4000]):
         return _listed(text)
-    return _labelled(text)
+    return labelled(text)
 
 
 # -------------------------------------------------------------------- what all of them become
@@ -107,7 +84,7 @@ def _table(tracks: Sequence[Track], what: str, time: str = "t [s]") -> Plain | N
         return None
     first = tracks[0][1]
     said = f"{what}: {', '.join(name for name, _, _ in tracks)}"
-    header = ",".join([time, *(_quoted(name) for name, _, _ in tracks)])
+    header = ",".join([time, *(quoted(name) for name, _, _ in tracks)])
     if all(t.size == first.size and np.array_equal(t, first) for _, t, _ in tracks):
         rows, columns = first, [y for _, _, y in tracks]
     else:
@@ -117,20 +94,7 @@ def _table(tracks: Sequence[Track], what: str, time: str = "t [s]") -> Plain | N
             column = np.full(rows.shape, np.nan)
             column[np.searchsorted(rows, t)] = y
             columns.append(column)
-    return _lines(header, [rows, *columns]), Note(said, "format")
-
-
-def _lines(header: str, columns: Iterable[Array]) -> str:
-    cells = [["" if x != x else repr(x) for x in column.tolist()] for column in columns]
-    return "\n".join([header, *map(",".join, zip(*cells, strict=True))]) + "\n"
-
-
-def _quoted(name: str) -> str:
-    return '"' + name.replace('"', "'") + '"' if "," in name else name
-
-
-def _with_unit(name: str, unit: str) -> str:
-    return f"{name} [{unit}]" if unit.strip() and "[" not in name else name
+    return table_text(header, [rows, *columns]), Note(said, "format")
 
 
 # -------------------------------------------------------------------- LabVIEW
@@ -151,9 +115,9 @@ def _labview(lines: Sequence[str]) -> Plain | None:
     whole = [(name, np.concatenate(t), np.concatenate(y)) for name, (t, y) in tracks.items()]
     one = bool(whole) and all(np.array_equal(t, whole[0][1]) for _, t, _ in whole)
     if one:
-        header = ",".join(["t [s]", *(_quoted(name) for name, _, _ in whole)])
+        header = ",".join(["t [s]", *(quoted(name) for name, _, _ in whole)])
         said = f"a LabVIEW measurement file: {', '.join(name for name, _, _ in whole)}"
-        return _lines(header, [whole[0][1], *(y for _, _, y in whole)]), Note(said, "format")
+        return table_text(header, [whole[0][1], *(y for _, _, y in whole)]), Note(said, "format")
     return _table(whole, "a LabVIEW measurement file")
 
 
@@ -176,7 +140,7 @@ def _segment(head: Sequence[str], body: Sequence[str], mark: str) -> list[Track]
             own = t if t is not None else np.nan_to_num(begin) + step * np.arange(len(numbers))
             there = np.isfinite(numbers[:, j]) & np.isfinite(own)
             unit = units[channel] if channel < len(units) else ""
-            found.append((_with_unit(name, unit), own[there], numbers[there, j]))
+            found.append((with_unit(name, unit), own[there], numbers[there, j]))
             channel += 1
     return found
 
@@ -210,7 +174,7 @@ def _twincat(lines: Sequence[str]) -> Plain | None:
         t, y = table[:, 2 * j], table[:, 2 * j + 1]
         there = np.isfinite(t) & np.isfinite(y)
         unit = units[j].strip("()[]") if j < len(units) else ""
-        tracks.append((_with_unit(name, unit), t[there] * _scope_unit(t[there], stated), y[there]))
+        tracks.append((with_unit(name, unit), t[there] * _scope_unit(t[there], stated), y[there]))
     return _table(tracks, "an export of TwinCAT Scope")
 
 
@@ -275,7 +239,7 @@ def _rigol(lines: Sequence[str]) -> Plain | None:
         if known and np.isfinite(table[:, j]).any():
             unit = units[j] if j < len(units) and np.isnan(_number(units[j])) else ""
             unit = "" if unit.lower() in VOLTS else unit
-            tracks.append((_with_unit(name, unit), t, table[:, j]))
+            tracks.append((with_unit(name, unit), t, table[:, j]))
     return _table(tracks, f"an oscilloscope's table, a sample every {step:g} s")
 
 
@@ -287,103 +251,9 @@ def _tektronix(lines: Sequence[str]) -> Plain | None:
         keys = {row[first]: row[first + 1] for row in rows if len(row) > first + 1 and row[first]}
         pairs = np.array([[_number(c) for c in row[first + 3 : first + 5]] for row in rows if len(row) >= first + 5])
         there = np.isfinite(pairs).all(axis=1)
-        name = _with_unit(keys.get("Source", f"CH{first // 6 + 1}"), keys.get("Vertical Units", ""))
+        name = with_unit(keys.get("Source", f"CH{first // 6 + 1}"), keys.get("Vertical Units", ""))
         tracks.append((name, pairs[there, 0], pairs[there, 1]))
     return _table(tracks, "an oscilloscope's table")
-
-
-# -------------------------------------------------------------------- a name before every value
-
-
-def _labelled(text: str) -> Plain | None:
-    """Return rows of labels with values, as ``t:0.005,u:1.2``, or of JSON; other lines are left out, and a last one
-    that a crash cut off.
-    """
-    lines = [line for line in text.split("\n") if line.strip()]
-    read: Callable[[str], Labelled | None] = _json if lines and lines[0].lstrip().startswith("{") else _pairs
-    looked = [read(line) for line in lines[-LABEL_LINES:]]
-    good = [one for one in looked if one]
-    if len(lines) < 3 or len(good) < 0.8 * len(looked) or len(good[0]) < 2:
-        return None
-    found = [one for one in map(read, lines) if one]
-    cut = not text.endswith("\n") and len(found) > 1 and _cut(found[-1], found[-2])
-    found = _from_first(found[:-1] if cut else found)
-    names = list(dict.fromkeys(name for one in found for name in one))
-    columns, heads = [], []
-    for name in names:
-        values, unit = _of_label([one.get(name) for one in found])
-        columns.append(values)
-        heads.append(_quoted(_with_unit(name, unit)))
-    lost = len(lines) - len(found)
-    said = f"values with labels: {', '.join(heads)}" + (f"; {lost} other lines are left out" if lost else "")
-    return _lines(",".join(heads), columns), Note(said, "format")
-
-
-def _cut(last: Labelled, before: Labelled) -> bool:
-    """Tell whether a last line has fewer labels, or units, than the one before it."""
-    return {k: u for k, (_, u) in last.items()} != {k: u for k, (_, u) in before.items()}
-
-
-def _of_label(cells: Sequence[tuple[float, str] | None]) -> tuple[Array, str]:
-    """Return the values (R,) of a label in the unit that most of them state, and that unit; NaN where there is none, or
-    one in a unit of something else.
-    """
-    stated = Counter(cell[1] for cell in cells if cell is not None)
-    unit = stated.most_common(1)[0][0]
-    factors = {one: 1.0 if one == unit else (conversion(one, unit) or (np.nan, ""))[0] for one in stated}
-    return np.array([np.nan if cell is None else cell[0] * factors[cell[1]] for cell in cells]), unit
-
-
-def _pairs(line: str) -> Labelled | None:
-    """Return names, numbers and units of a line of nothing else."""
-    found, at = Labelled(), 0
-    if bare := _FIRST.match(line):
-        found["c1"], at = (float(bare[1]), ""), bare.end()
-    if prefix := _PREFIX.match(line):
-        found["stamp"], at = (_stamp(prefix), "s"), prefix.end()
-    while at < len(line.rstrip()):
-        match = _LABELLED.match(line, at)
-        if match is None:
-            return None
-        found[match["name"]] = _value(match["value"]), match["unit"] or ""
-        between = _PAIRS.match(line, match.end())
-        at = between.end() if between else match.end()
-    return found if found.keys() - {"c1", "stamp"} else None
-
-
-def _stamp(prefix: re.Match[str]) -> int:
-    """Return the time in ns that a program puts in front of a line: since 1970, or of the day."""
-    if prefix["seconds"]:
-        return _nanoseconds(prefix["seconds"])
-    day = int(np.datetime64(prefix["day"]).astype("datetime64[s]").astype(np.int64)) if prefix["day"] else 0
-    whole = day + 3600 * int(prefix["hour"]) + 60 * int(prefix["minute"])
-    return 10**9 * whole + _nanoseconds(prefix["second"].replace(",", "."))
-
-
-def _nanoseconds(seconds: str) -> int:
-    whole, _, part = seconds.partition(".")
-    return 10**9 * int(whole) + int(part[:9].ljust(9, "0"))
-
-
-def _from_first(rows: Sequence[Labelled]) -> list[Labelled]:
-    """Return rows with stamps in front of their lines (whole ns) in s from the first one."""
-    first = next((row["stamp"][0] for row in rows if isinstance(row.get("stamp", (0.0, ""))[0], int)), None)
-    if first is None:
-        return list(rows)
-    return [{**row, "stamp": ((row["stamp"][0] - first) * 1e-9, "s")} if "stamp" in row else row for row in rows]
-
-
-def _value(cell: str) -> float:
-    """Return a number; NaN for what a microcontroller prints where it has none."""
-    return np.nan if cell[-1] in "nf" else float(cell)
-
-
-def _json(line: str) -> Labelled | None:
-    try:
-        row = json.loads(line)
-    except ValueError:
-        return None
-    return {name: (value, "") for name, value in leaves(row)} or None if isinstance(row, dict) else None
 
 
 # -------------------------------------------------------------------- lists in cells
@@ -397,9 +267,9 @@ def _listed(text: str) -> Plain | None:
     lists = [k for k, cell in enumerate(rows[0]) if cell.strip().startswith("[")]
     sizes = {k: len(_numbers_in(rows[0][k])) for k in lists}
     names = [f"{name}[{i}]" if k in sizes else name for k, name in enumerate(head) for i in range(sizes.get(k, 1))]
-    lines = [",".join(map(_quoted, names))]
+    lines = [",".join(map(quoted, names))]
     for row in rows:
-        cells = [_numbers_in(cell) if k in sizes else [_quoted(cell)] for k, cell in enumerate(row)]
+        cells = [_numbers_in(cell) if k in sizes else [quoted(cell)] for k, cell in enumerate(row)]
         good = len(row) == len(head) and all(len(cells[k]) == sizes[k] for k in lists)
         lines.append(",".join(c for cell in cells for c in cell) if good else "")
     lost = lines.count("")
