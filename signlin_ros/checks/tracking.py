@@ -78,6 +78,8 @@ def proportion(pairs: Pairs) -> float | None:
         given, shown = u[there] - u[there].mean(), x[there] - x[there].mean()
         gain = float(np.copysign(shown.std() / given.std(), given @ shown))
         followed, size = _best(gain * given, shown, look.step), float(shown @ shown)
+        if not min(size, float(followed @ followed)) > 0.0:  # too small for a square
+            return None
         whole, left = whole + size, left + size * (1.0 - _correlation(followed, shown) ** 2)
         slopes.append(gain * float(followed @ shown) / float(followed @ followed))
     return float(np.mean(slopes)) if left < STRICT_PART * MAX_COMMAND_RESIDUAL * whole else None
