@@ -123,7 +123,7 @@ def discriminated(evidence: Evidence, selection: Selection, rivals: Sequence[Ref
         one.best for one in rivals if len(one.effects) <= max(len(final.effects), 1) and _better(evidence, final, one)
     ]
     best = min(good, key=lambda f: f.log_mse, default=None)
-    near = [f for f in good if best and evidence.output_error.as_good(best, f)]
+    near = [f for f in good if best and (f is best or _no_worse(evidence, best, f))]
     near = near or [one.best for one in rivals if _as_good(evidence, final, one.best)]
     if not near:
         return held
@@ -133,9 +133,16 @@ def discriminated(evidence: Evidence, selection: Selection, rivals: Sequence[Ref
 def _as_good(evidence: Evidence, final: FittedModel, f: FittedModel) -> bool:
     """Tell whether a rival is simpler than a model, as good, and surely better than the base."""
     simpler = bool(f.effects) and (len(f.effects), f.n_parameters) < (len(final.effects), final.n_parameters)
-    if not simpler or f.implausible or evidence.force_rises(final, f) or not evidence.output_error.as_good(final, f):
+    if not simpler or f.implausible or evidence.force_rises(final, f) or not _no_worse(evidence, final, f):
         return False
     return evidence.output_error.t_ratio(evidence.base, f) >= evidence.criteria.min_t
+
+
+def _no_worse(evidence: Evidence, best: FittedModel, f: FittedModel) -> bool:
+    """Tell whether a model is as good as the best one, which is no sure step beyond it: what no table shows may be
+    sure.
+    """
+    return evidence.output_error.as_good(best, f) and bool(evidence.output_error.refusal(f, best))
 
 
 def _better(evidence: Evidence, final: FittedModel, one: RefittedRival) -> bool:

@@ -10,7 +10,15 @@ import pytest
 
 from signlin_ros import cli
 from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA
-from signlin_ros.diagnosis.discrimination import Doubts, PlannedRival, RefittedRival, doubts_of, undecided
+from signlin_ros.diagnosis.discrimination import (
+    Doubts,
+    PlannedRival,
+    RefittedRival,
+    discriminated,
+    doubts_of,
+    undecided,
+)
+from signlin_ros.diagnosis.selection import Selection
 from signlin_ros.diagnosis.wording.rivals import told
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model
@@ -114,6 +122,32 @@ def test_without_rivals_nothing_is_said():
     final = fitted("coulomb_friction", noise=False)
     assert doubts_of(evidence(), [], final) == Doubts()
     assert told(evidence(), [], final, Doubts()) == ""
+
+
+# -------------------------------------------------------------------- who takes the place of what was chosen
+
+
+@pytest.mark.parametrize(("errs", "named"), [(1.0, "coulomb_friction"), (4.4, "stribeck_friction")])
+def test_a_simpler_rival_takes_the_place_only_of_what_is_no_sure_step_beyond_it(errs, named):
+    """Both look the same in a table; by 4.4 standard errors they are not."""
+    motion = SimpleNamespace(
+        t_ratio=lambda before, after: before.errs - after.errs,
+        refusal=lambda before, after: "" if before.errs - after.errs >= DEFAULT_CRITERIA.min_t else "too little",
+        as_good=lambda best, f: True,
+        improvement=lambda before, after: SimpleNamespace(worsens=lambda worse, alike: False),
+    )
+    given = SimpleNamespace(
+        output_error=motion,
+        criteria=DEFAULT_CRITERIA,
+        base=fitted(errs=50.0),
+        force_rises=lambda before, after: False,
+        force_mse=lambda f: None,
+    )
+    known = {"implausible": [], "residual_is_noise": True}
+    final = SimpleNamespace(effects=("stribeck_friction",), errs=0.0, n_parameters=3, log_mse=0.0, **known)
+    simple = SimpleNamespace(effects=("coulomb_friction",), errs=errs, n_parameters=1, log_mse=0.1, **known)
+    rivals = [RefittedRival(f.effects, f, f) for f in (simple, final)]
+    assert discriminated(given, Selection(final), rivals).chosen.effects == (named,)
 
 
 # -------------------------------------------------------------------- what no rival holds
