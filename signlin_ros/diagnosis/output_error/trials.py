@@ -151,7 +151,7 @@ def with_a_wave_more(problem: Problem, f: Fit) -> Trial | None:
     if not larger or len(waves) >= MAX_WAVES:
         return None
     found = periodic_starts(problem, f.fitted())
-    new = [one for one in found if min(abs(one[0] / wave[0] - 1.0) for wave in waves) > SAME_ORDER]
+    new = [one for one in found if min(abs(one[0] - wave[0]) for wave in waves) > SAME_ORDER * one[0]]
     starts = tuple(completed(problem, larger[0], larger[0].of_waves([*waves, one])) for one in new)
     return Trial(larger[0].name, starts) if starts else None
 
