@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.hidden.generator import draw, write
-from signlin_ros.diagnosis import diagnose
+from signlin_ros.diagnosis import add, diagnose
 from signlin_ros.effects import EFFECTS
 from signlin_ros.follow.data import load_sides
 from signlin_ros.model import Model
@@ -31,6 +31,15 @@ def test_two_waves_are_named_together(tmp_path, index, seed):
     waves = sorted(EFFECTS["torque_ripple"].waves(ripple))
     assert [order for order, _, _ in waves] == pytest.approx([truth["N"], truth["N_2"]], rel=2e-3)
     assert [abs(a) for _, a, _ in waves] == pytest.approx([truth["A"], truth["A_2"]], rel=0.08)
+
+
+def test_what_is_asked_for_is_found_wave_by_wave_too(tmp_path):
+    """What forces below a band show of the waves was taken for all of them: "the record does not ask for it"."""
+    sides, truth = _drawn(78, 5, tmp_path)
+    found = add("torque_ripple", *sides)
+    assert found.verdict == "missing"
+    waves = sorted(EFFECTS["torque_ripple"].waves(found.model.effects["torque_ripple"].parameters))
+    assert [order for order, _, _ in waves] == [truth["N"], truth["N_2"]]
 
 
 def test_the_sum_of_waves_that_have_not_repeated_may_be_any_curve(tmp_path):

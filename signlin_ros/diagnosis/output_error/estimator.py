@@ -118,14 +118,27 @@ class OutputErrorEstimator(Minima):
             return self.best(known)
         has = {use.type for use in start.effects.values()} if start else set()
         found = self._fitted_from_values(effects, start) if start and set(effects) <= has else None
-        if found is None:
-            found = self.base
-            for name in effects:
-                found = self._with(
-                    found, [t.starting_from(self.training, start) for t in trials(self.training, [name])]
-                )
+        of_waves = any(EFFECTS[name].several for name in effects)
+        if found is None or of_waves:  # which waves there are, forces below a band may not tell
+            scanned = self._fitted_one_by_one(effects, None if of_waves else start)
+            found = min([scanned, *([found] if found else [])], key=attrgetter("log_mse"))
         self.cache.asked.append((asked, found))
         return found
+
+    def _fitted_one_by_one(self, effects: Sequence[str], start: Model | None) -> FittedModel:
+        """Return the best fit of effects, one after the other, each from what ``start`` has of it, or from a scan."""
+        found = self.base
+        for name in effects:
+            waves = self._fitted_wave_by_wave(found, name)
+            options = [t.starting_from(self.training, start) for t in trials(self.training, [name])]
+            found = min(waves, key=attrgetter("log_mse")) if waves else self._with(found, options)
+        return found
+
+    def _fitted_wave_by_wave(self, of: FittedModel, name: str) -> list[FittedModel]:
+        """Return fits of several waves over the position, begun with the best single one; none of another effect."""
+        effect = EFFECTS[name]
+        single = [n for n, e in EFFECTS.items() if effect.several and e.periodic and e.family == effect.family]
+        return self._with_more_waves(of, [self._with(of, trials(self.training, single))]) if single else []
 
     def at_values_of(self, effects: Sequence[str], model: Model) -> FittedModel | None:
         """Return effects with the values that a model has of them, and of its base parameters, as they are."""
