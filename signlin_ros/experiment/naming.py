@@ -14,7 +14,7 @@ from signlin_ros.diagnosis.progress import Progress
 from signlin_ros.diagnosis.rivals import rival
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import InputError, choices, suggest
-from signlin_ros.experiment.common_scale import NO_EFFECT, unscaled
+from signlin_ros.experiment.common_scale import ALL_FORCES, NO_EFFECT, unscaled
 from signlin_ros.experiment.setting import MAX_PLANNED_RIVALS, KnownLimits, known_rivals
 from signlin_ros.experiment.sizes import is_sized
 from signlin_ros.model import Model
@@ -90,7 +90,7 @@ def with_named(
     absent = [name for name in plain if name not in known]
     for effect in (e for name in absent if name != NO_EFFECT for e in name.split("+")):
         if effect not in EFFECTS:
-            every = (NO_EFFECT, *EFFECTS)
+            every = (NO_EFFECT, ALL_FORCES, *EFFECTS)
             raise InputError(
                 f"--between: unknown effect {effect!r}; there are: {choices(every)}{suggest(effect, every)}"
             )

@@ -459,6 +459,23 @@ def test_a_common_scale_of_all_forces_is_a_symmetry_that_a_known_inertia_breaks(
     assert np.sum((shown[1] - shown[0]) ** 2) > 10.0
 
 
+@pytest.mark.slow
+def test_a_scale_of_forces_shows_where_the_input_is_a_force(tmp_path, capsys):
+    model = Model.load("mass_spring_damper").without_effect("coulomb_friction").with_options(tolerance=0.05)
+    model.save(tmp_path / "model.yaml")
+    u = 3.0 * np.sin(2 * np.pi * (0.3 * T + 0.3 * T * T))
+    found = simulate(model.with_effect("coulomb_friction", mu=0.3), T, u[:, None])
+    g, names = np.random.default_rng(1), ("displacement", "velocity")
+    shown = [found[c] + sd * g.standard_normal(T.size) for c, sd in zip(names, (1e-3, 0.01), strict=True)]
+    head = "t,force,displacement,velocity"
+    np.savetxt(tmp_path / "first.csv", np.column_stack([T, u, *shown]), delimiter=",", header=head, comments="")
+    files = (tmp_path / "model.yaml", tmp_path / "first.csv", "-o", tmp_path / "next.csv", "--json")
+    rivals = ("--between", "coulomb_friction,coulomb_friction+all_forces")
+    capsys.readouterr()
+    assert run("experiment", *files, *rivals, "--limit", "force=5,displacement=1") == 0
+    assert json.loads(capsys.readouterr().out)["verdict"] == "enough"
+
+
 def test_a_scale_of_forces_that_is_known_is_no_rival(problem):
     base = problem.base.with_options(frozen=("J",))
     with pytest.raises(InputError, match="no inertia that is free"):
