@@ -60,11 +60,21 @@ LOGGERS = {
     "program.log": "\n".join(
         f"2024-07-01 10:05:{3 + t:06.3f} - INFO - a={a}, b={b}".replace(".", ",", 1) for t, a, b in ROWS
     ),
+    "blanks.txt": "\n".join(f"Time: {t} s, the a: {a} V, Motor b: {b} rpm" for t, a, b in ROWS),
+    "units.csv": "Zeit;a;b\n" + "\n".join(f"{t:.3f} s;{a:.9f} V;{b:.9f} A".replace(".", ",") for t, a, b in ROWS),
+    "fortran.txt": "t a b\n" + "\n".join(f"{t:.9E} {a:.9E} {b:.9E}".replace("E", "D") for t, a, b in ROWS),
+    "tuples.txt": "\n".join(map(str, ROWS)),
+    "objects.log": "\n".join(f'10:05:{3 + t:06.3f} {{"a": {a}, "b": {b}}}' for t, a, b in ROWS),
+    "plotter.txt": "10:05:02.900 -> a,b\n" + "\n".join(f"10:05:{3 + t:06.3f} -> {a},{b}" for t, a, b in ROWS),
     "columns.json": json.dumps({"rig": "x", "data": dict(zip(("t", "a", "b"), zip(*ROWS, strict=True), strict=True))}),
     "rows.json": json.dumps([{"t": t, "m": {"a": a}, "b": b, "ok": True, "s": "x"} for t, a, b in ROWS]),
     "foot.csv": "t;a;b\n" + "\n".join(f"{t};{a};{b}" for t, a, b in ROWS) + "\n\nMean;1;2\nLargest;3;4\n",
     "cut.csv": "t,a,b\n" + "\n".join(f"{t},{a},{b}" for t, a, b in ROWS) + "\n0.2,3\n",
 }
+
+
+NAMES = {"echo.txt": ("a", "load.b"), "blanks.txt": ("the a", "Motor b"), "tuples.txt": ("c2", "c3")}
+"""What the signals are called, where not ``a`` and ``b``."""
 
 
 @pytest.mark.parametrize("name", LOGGERS)
@@ -74,7 +84,7 @@ def test_loggers_that_write_no_plain_table(name: str, tmp_path: Path) -> None:
     record = read_record(file)
     assert len(record) == 40
     np.testing.assert_allclose(np.diff(record.t), 0.005, atol=1e-9)
-    for column, signal in zip(np.array(ROWS).T[1:], ("a", "load.b" if name == "echo.txt" else "b"), strict=True):
+    for column, signal in zip(np.array(ROWS).T[1:], NAMES.get(name, ("a", "b")), strict=True):
         np.testing.assert_allclose(record.signals[record.require(signal)].values, column, atol=1e-9)
 
 

@@ -43,6 +43,8 @@ MOST_NAMED = 3
 _NUMBER_PATTERN = r"^[-+]?\d*{}\d+(?:[eE][-+]?\d+)?$"
 _WITH_COMMA, _WITH_POINT = (re.compile(_NUMBER_PATTERN.format(mark), re.MULTILINE) for mark in (",", r"\."))
 _THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")
+_FORTRAN, EXPONENTS_LOOKED = re.compile(r"(?<=\d)[dD](?=[-+]\d{1,3}\b)"), 4000
+"""Exponents as Fortran writes them, ``1.5D-03``; so many characters tell."""
 _MAX_WHOLE = 2.0**53
 """Whole numbers beyond this are no doubles: they are read as integers, and counted from the first."""
 
@@ -91,6 +93,8 @@ def read_table(path: Path, source: str, keep: Keep, asked: Sequence[str] = ()) -
     told = plain(letters) or joint_states(letters, asked) or messages(letters)
     if told is not None:
         letters, notes = told[0], (*notes, told[1])
+    if _FORTRAN.search(letters[:EXPONENTS_LOOKED]):
+        letters = _FORTRAN.sub("e", letters)
     limits.check_cells(letters, source)
     found = regular(letters, source)
     if found is not None:
@@ -314,6 +318,8 @@ def _with_units(found: Sequence[str], comma: bool) -> tuple[str, Array] | None:
     unit = next(iter(marks), "")
     if len(marks) != 1 or not all(parts.values()) or units.parse(unit) is None:
         return None
+    written = "".join(match[1] for match in parts.values() if match)
+    comma = comma or ("," in written and "." not in written)
     numbers = {cell: _number(match[1], comma) for cell, match in parts.items() if match}
     return unit, np.array([numbers.get(cell, np.nan) for cell in found])
 

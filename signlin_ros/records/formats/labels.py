@@ -27,6 +27,11 @@ _LABELLED = re.compile(
     r"(?P<value>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf|ovf)\b)"
     r"\s*(?P<unit>(?:[A-Za-zµ°%/]+(?=[,;\s]|\Z))(?!\s*[:=]))?\s*"
 )
+_PART = re.compile(
+    r"\s*(?P<name>[^\W\d][^:=,;]*?)\s*[:=]\s*(?P<value>[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf|ovf)\b)"
+    r"\s*(?P<unit>[^\s\d:=][^\s:=]*)?\s*"
+)
+"""A label with blanks, a value and a unit, between marks: ``Motor speed: 12.5 rpm``."""
 _FIRST = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)[,;\s]+(?=[A-Za-z_])")
 _PREFIX = re.compile(
     r"\s*(?:\[[A-Z]+\]\s*\[(?P<seconds>\d+\.\d+)\](?:\s*\[[^\]]*\])?:?"
@@ -36,6 +41,10 @@ _PREFIX = re.compile(
 """What ROS, a serial monitor or a program's log puts in front of a line: ``[INFO] [1719000000.5] [node]: ``,
 ``10:05:03.125 -> ``, ``2024-07-01 10:05:03,125 - INFO - ``.
 """
+_NUMBER = r"(?:[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?nan)"
+_VALUES = re.compile(rf"{_NUMBER}(?:(?:\s*[,;\t]\s*| +){_NUMBER})*")
+ENDS_OF_PREFIX = (">", "|", ":", "-", "]")
+"""What stands between a stamp in front of a line and its values: else it is a cell of a table."""
 _PAIRS = re.compile(r"[,;\s]*")
 LABEL_LINES = 50
 """Lines that tell whether values have labels."""
@@ -46,7 +55,9 @@ def labelled(text: str) -> tuple[str, Note] | None:
     that a crash cut off.
     """
     lines = [line for line in text.split("\n") if line.strip()]
-    read: Callable[[str], Labelled | None] = _json if lines and lines[0].lstrip().startswith("{") else _pairs
+    read: Callable[[str], Labelled | None] = (
+        _json if any(line.rstrip().endswith("}") for line in lines[-2:]) else _pairs
+    )
     looked = [read(line) for line in lines[-LABEL_LINES:]]
     good = [one for one in looked if one]
     if len(lines) < 3 or len(good) < 0.8 * len(looked) or len(good[0]) < 2:
@@ -63,6 +74,35 @@ def labelled(text: str) -> tuple[str, Note] | None:
     lost = len(lines) - len(found)
     said = f"values with labels: {', '.join(heads)}" + (f"; {lost} other lines are left out" if lost else "")
     return table_text(",".join(heads), columns), Note(said, "format")
+
+
+def stamped(text: str) -> tuple[str, Note] | None:
+    """Return lines of values behind the stamps of a serial monitor or a log, ``10:05:03.125 -> 1.2,0.3``, as a table
+    with these in front; None where they are none, or the stamp is a cell of its own.
+    """
+    lines = [line for line in text.split("\n") if line.strip()]
+    if sum(_after(line) is not None for line in lines[:LABEL_LINES]) < 0.8 * len(lines[:LABEL_LINES]):
+        return None
+    found = [one for one in map(_after, lines) if one is not None]
+    rows = [(match, rest) for match, rest in found if _VALUES.fullmatch(rest)]
+    if len(rows) < max(3, 0.8 * len(lines)):
+        return None
+    mark = next((mark for mark in ("\t", ";", ",") if mark in rows[0][1]), " ")
+    first, width = _stamp(rows[0][0]), len(rows[0][1].split(None if mark == " " else mark))
+    heads = [rest for match, rest in found[:3] if not _VALUES.fullmatch(rest)]
+    named = [head for head in heads if len(head.split(None if mark == " " else mark)) == width]
+    head = named[-1] if named else mark.join(f"c{k + 2}" for k in range(width))
+    body = [f"{(_stamp(match) - first) * 1e-9:.9f}{mark}{rest}" for match, rest in rows]
+    lost = len(lines) - len(rows) - len(named)
+    said = "values behind the stamps of a monitor or a log" + (f"; {lost} other lines are left out" if lost else "")
+    return "\n".join([f"t{mark}{head}", *body]) + "\n", Note(said, "format")
+
+
+def _after(line: str) -> tuple[re.Match[str], str] | None:
+    """Return the stamp in front of a line, and what stands behind it; None where there is none."""
+    match = _PREFIX.match(line)
+    there = match is not None and match[0].rstrip().endswith(ENDS_OF_PREFIX)
+    return (match, line[match.end() :].strip()) if match is not None and there else None
 
 
 def _cut(last: Labelled, before: Labelled) -> bool:
@@ -85,6 +125,9 @@ def _pairs(line: str) -> Labelled | None:
     found, at = Labelled(), 0
     if bare := _FIRST.match(line):
         found["c1"], at = (float(bare[1]), ""), bare.end()
+    parts = [_PART.fullmatch(part) for part in re.split(";" if ";" in line else "[,\t]", line.strip().rstrip(",;"))]
+    if len(parts) > 1 and all(parts):
+        return {m["name"]: (_value(m["value"].replace(",", ".")), m["unit"] or "") for m in parts if m}
     if prefix := _PREFIX.match(line):
         found["stamp"], at = (_stamp(prefix), "s"), prefix.end()
     while at < len(line.rstrip()):
@@ -125,11 +168,14 @@ def _value(cell: str) -> float:
 
 
 def _json(line: str) -> Labelled | None:
+    prefix = _PREFIX.match(line)
     try:
-        row = json.loads(line)
+        row = json.loads(line[prefix.end() :] if prefix else line)
     except ValueError:
         return None
-    return {name: (value, "") for name, value in leaves(row)} or None if isinstance(row, dict) else None
+    stamp: Labelled = {"stamp": (_stamp(prefix), "s")} if prefix else {}
+    found: Labelled = {name: (value, "") for name, value in leaves(row)} if isinstance(row, dict) else {}
+    return {**stamp, **found} if found else None
 
 
 def table_text(header: str, columns: Iterable[Array]) -> str:
@@ -148,4 +194,4 @@ def with_unit(name: str, unit: str) -> str:
     return f"{name} [{unit}]" if unit.strip() and "[" not in name else name
 
 
-__all__ = ["labelled", "quoted", "table_text", "with_unit"]
+__all__ = ["labelled", "quoted", "stamped", "table_text", "with_unit"]

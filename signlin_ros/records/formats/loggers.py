@@ -22,7 +22,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from signlin_ros.records.formats.labels import labelled, quoted, table_text, with_unit
+from signlin_ros.records.formats.labels import labelled, quoted, stamped, table_text, with_unit
 from signlin_ros.records.header import heading
 from signlin_ros.records.notes import Note
 
@@ -36,6 +36,8 @@ END = "***End_of_Header***"
 _FRAMES = re.compile(
     r"^\s*\(\d+\.\d+\)\s+\w+\s+[0-9A-Fa-f]{3,8}(?:#|\s+\[\d+\])|^base (?:hex|dec)\s+timestamps ", re.MULTILINE
 )
+_TUPLE, LABEL_ROWS = re.compile(r"[ \t]*[(\[][^()\[\]\n]*[)\]],?[ \t]*", re.MULTILINE), 50
+"""A row in brackets, as a program prints a tuple; so many of them tell."""
 _LISTS = re.compile(r'^[^"\[{]+\n(?:[^\n"]*[,;\t])?"\[\s*[-+.\d]')
 VOLTS = ("volt", "volts", "v")
 """What an oscilloscope calls what a probe shows, whatever that measures: no unit of it."""
@@ -64,7 +66,10 @@ def plain(text: str) -> Plain | None:
         return _tektronix(text.split("\n"))
     if _LISTS.search(text[:4000]):
         return _listed(text)
-    return labelled(text)
+    if _TUPLE.match(start) and all(_TUPLE.fullmatch(line) for line in text.split("\n")[:LABEL_ROWS] if line.strip()):
+        rows = [line.strip().rstrip(",")[1:-1] for line in text.split("\n") if _TUPLE.fullmatch(line)]
+        return "\n".join(rows) + "\n", Note("rows in brackets", "format")
+    return labelled(text) or stamped(text)
 
 
 # -------------------------------------------------------------------- what all of them become
