@@ -237,6 +237,7 @@ def test_only_the_wanted_columns_must_be_numbers(read: Read) -> None:
         ("t [V],a\n0,1\n1,2\n", ["'t [V]'", "'V'", "ms"]),
         ("stamp,a\n700000000000000000,1\n700000000005000000,2\n", ["'stamp'", "unit", "[ns]"]),
         (b"\x00\x01\x02", ["no text file"]),
+        (",\n", ["nothing but separators"]),
     ],
 )
 def test_faults(read: Read, text: str | bytes, parts: list[str]) -> None:

@@ -136,6 +136,15 @@ def test_a_time_of_day_that_is_called_otherwise_is_named(tmp_path: Path) -> None
     assert np.diff(read_record(tmp_path / "run.csv", {"t": "at"}).t) == pytest.approx(0.005)
 
 
+def test_damaged_stamps_are_no_fault(tmp_path: Path) -> None:
+    """A message whose stamp cannot be read is left out; a day that is none counts as the day's time."""
+    text = LOGGERS["echo.txt"].replace("nanosec: 35000000\n", "nanosec: 35e00[0\n")
+    (tmp_path / "run.txt").write_text(text.replace("nanosec: 40000000\n", "nanosec: 4_0x\n"))
+    assert len(read_record(tmp_path / "run.txt")) == 38
+    (tmp_path / "run.log").write_text(LOGGERS["program.log"].replace("2024-07-01", "2024-37-01"))
+    assert len(read_record(tmp_path / "run.log")) == 40
+
+
 PARTS = {
     "nested.jsonl": ("\n".join(f'{{"t": {t}, "m": {{"a": {a}, "q": [0, {b}]}}}}' for t, a, b in ROWS), "m.a", "m.q[1]"),
     "lists.csv": ("t,m,s\n" + "\n".join(f'{t},"[{a}, {b}]",x' for t, a, b in ROWS) + '\n0.2,"[1.0"', "m[0]", "m[1]"),

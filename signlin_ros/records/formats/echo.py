@@ -48,6 +48,7 @@ def messages(text: str) -> tuple[str, Note] | None:
     if len(rows) < 2 or not names:
         return None
     start = next((int(row["t [s]"]) for row in rows if "t [s]" in row), None)
+    rows = [row for row in rows if start is None or "t [s]" in row]  # of others nobody knows when they were sent
     head = [*(["t [s]"] if start is not None else []), *names]
     lines = [",".join([*_stamp(row, start), *(str(row.get(name, "")) for name in names)]) for row in rows]
     said = f"messages as ros2 topic echo writes them: {', '.join(names)}"
@@ -55,10 +56,8 @@ def messages(text: str) -> tuple[str, Note] | None:
 
 
 def _stamp(row: Mapping[str, Any], start: int | None) -> list[str]:
-    """Return the time in whole ns of a message as s from the first one."""
-    if start is None:
-        return []
-    return [f"{(row['t [s]'] - start) * 1e-9:.9f}" if "t [s]" in row else ""]
+    """Return the time in whole ns of a message as s from the first one; nothing where messages have none."""
+    return [] if start is None else [f"{(row['t [s]'] - start) * 1e-9:.9f}"]
 
 
 def _fields(message: Mapping[str, Any], way: str = "") -> Iterator[tuple[str, float | int]]:
@@ -69,8 +68,9 @@ def _fields(message: Mapping[str, Any], way: str = "") -> Iterator[tuple[str, fl
         if key == "header" and isinstance(value, dict):
             stamp = value.get("stamp", {})
             pairs = [pair for pair in STAMPS if isinstance(stamp, dict) and stamp.keys() >= set(pair)]
-            if pairs and not way:
-                yield "t [s]", int(stamp[pairs[0][0]]) * 10**9 + int(stamp[pairs[0][1]])
+            parts = [stamp[key] for key in pairs[0]] if pairs and not way else []
+            if parts and all(isinstance(part, int) for part in parts):
+                yield "t [s]", parts[0] * 10**9 + parts[1]
         elif isinstance(value, dict):
             yield from _fields(value, f"{way}{key}.")
         elif isinstance(value, list):

@@ -6,6 +6,7 @@ on. Lines of another kind are left out.
 
 from __future__ import annotations
 
+import datetime as dt
 import json
 import re
 from collections import Counter
@@ -144,8 +145,11 @@ def _stamp(prefix: re.Match[str]) -> int:
     """Return the time in ns that a program puts in front of a line: since 1970, or of the day."""
     if prefix["seconds"]:
         return _nanoseconds(prefix["seconds"])
-    day = int(np.datetime64(prefix["day"]).astype("datetime64[s]").astype(np.int64)) if prefix["day"] else 0
-    whole = day + 3600 * int(prefix["hour"]) + 60 * int(prefix["minute"])
+    try:
+        day = dt.date.fromisoformat(prefix["day"]).toordinal() if prefix["day"] else 0
+    except ValueError:  # no day of a calendar
+        day = 0
+    whole = 86400 * day + 3600 * int(prefix["hour"]) + 60 * int(prefix["minute"])
     return 10**9 * whole + _nanoseconds(prefix["second"].replace(",", "."))
 
 

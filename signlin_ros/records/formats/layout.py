@@ -72,6 +72,8 @@ def layout(text: str, source: str) -> Layout:
         raise RecordError(f"{source}: nothing but comments: no header and no rows")
     separator, width = _separator([lines[i] for i in kept])
     kept = [i for i in kept[:LAYOUT_LINES_LOOKED] if lines[i].strip(f"{separator} ")] + [*kept[LAYOUT_LINES_LOOKED:]]
+    if not kept:
+        raise RecordError(f"{source}: nothing but separators: no header and no rows")
     first = _first_row(lines, kept, separator, width)
     if first is None:
         raise _no_rows(source, lines[kept[0]], kept, separator)
