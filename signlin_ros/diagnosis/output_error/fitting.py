@@ -185,13 +185,21 @@ def multi_start_fit(
     ways = [added, known] if label else [added]
     first = [fit(short, c, high, c.start(way), few_steps) for c in candidates for way in ways]
     best = sorted((f for f in first if f), key=attrgetter("objective"))[:STARTS_KEPT]
-    second = [fit(short, f.candidate, middle, f.theta, more) for f in best]
+    second = [_at_lower_gain(short, f, middle, more) for f in best]
     if remembers:  # a high gain says little of what is remembered
         second += [fit(short, c, middle, c.start(added), more) for c in candidates]
     if follow_steps:  # a few steps tell little of what starts far away
         best = sorted((f for f in second if f), key=attrgetter("objective"))[:STARTS_FOLLOWED]
         second = [further(short, f, follow_steps) for f in best]
     return cheapest(second)
+
+
+def _at_lower_gain(problem: Problem, f: Fit, gains: ObserverGains, steps: int) -> Fit | None:
+    """Return a fit gone on with at a lower gain; where it diverges there, after it was gone on with at its own: what
+    softens too much runs off, unless an observer holds it.
+    """
+    found = fit(problem, f.candidate, gains, f.theta, steps)
+    return found or fit(problem, f.candidate, gains, further(problem, f, steps).theta, steps)
 
 
 def screened(problem: Problem, of: Fit, fits: Sequence[Fit], rival: Fit | None, share: float | None) -> list[Fit]:
