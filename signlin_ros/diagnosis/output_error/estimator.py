@@ -19,6 +19,7 @@ from signlin_ros.diagnosis.output_error.fitted import FittedModel
 from signlin_ros.diagnosis.output_error.fitting import (
     FOLLOW_STEPS,
     MAX_STARTS,
+    MIDDLE_STEPS,
     cheapest,
     cross_entropy_fit,
     multi_start_fit,
@@ -31,9 +32,9 @@ from signlin_ros.diagnosis.output_error.trials import (
     Trial,
     completed,
     rescanned,
+    trial_of_one_more_wave,
     trials,
     tryable,
-    with_a_wave_more,
 )
 from signlin_ros.diagnosis.progress import Progress
 from signlin_ros.diagnosis.wording import phrases
@@ -241,13 +242,19 @@ class OutputErrorEstimator(Minima):
         """Return fits of more waves over the position where one was found, wave by wave as long as that improves."""
         more, now = list[FittedModel](), [f for f in found if f.wave_orders]
         while now and not min((*found, *more), key=attrgetter("log_mse")).white:
-            grown = [(f, trial) for f in now if (trial := with_a_wave_more(self.training, f.fit))]
-            fits = self.in_parallel(lambda pair: self._multi_start(of.fit, pair[1], len(pair[1].starts)), grown)
+            grown = [(f, trial) for f in now if (trial := trial_of_one_more_wave(self.training, f.fit))]
+            fits = self.in_parallel(lambda pair: self._fit_of_one_more_wave(of, *pair), grown)
             ends = [self._all_finished(of, [fit] if fit else []) for fit in fits]
             pairs = [(f, one) for (f, _), end in zip(grown, ends, strict=True) for one in end]
             more += [one for _, one in pairs]
             now = [one for f, one in pairs if not self.refusal(f, one)]
         return more
+
+    def _fit_of_one_more_wave(self, of: FittedModel, f: FittedModel, trial: Trial) -> Fit | None:
+        """Return the best fit from the starts of a wave more, with the base parameters that there are without it."""
+        candidates = [CandidateParts.of(of.fit).extended(trial.name, x).candidate(self.training) for x in trial.starts]
+        known, middle = f.fit.parameters(), self.training.observer_gains[1]
+        return cheapest(fit(self.short, c, middle, c.start(known), MIDDLE_STEPS) for c in candidates)
 
     def _from_equation_error(self, trial: Trial) -> Trial:
         """Return a trial that starts from what the equation-error estimate found of its effect, too."""

@@ -140,7 +140,7 @@ def rescanned(problem: Problem, trial: Trial, before: Fit) -> Trial:
     return replace(trial, starts=starts or trial.starts)
 
 
-def with_a_wave_more(problem: Problem, f: Fit) -> Trial | None:
+def trial_of_one_more_wave(problem: Problem, f: Fit) -> Trial | None:
     """Return a trial of the waves that a fit has in its last effect, with one more of those that show in what it
     leaves; None where that is no wave, or has `MAX_WAVES`.
     """
@@ -199,4 +199,13 @@ class CandidateParts:
         return replace(c, values={n: given.get(n, v) for n, v in c.values.items()})
 
 
-__all__ = ["CandidateParts", "Trial", "completed", "free_key", "rescanned", "trials", "tryable", "with_a_wave_more"]
+__all__ = [
+    "CandidateParts",
+    "Trial",
+    "completed",
+    "free_key",
+    "rescanned",
+    "trial_of_one_more_wave",
+    "trials",
+    "tryable",
+]
