@@ -89,7 +89,7 @@ def _unexplained(evidence: Evidence, verdict: Verdict) -> str:
         said = said.format(v=verdict, falls=what, changes=changes, **ends)
         part = f" {'explains' if len(verdict.names) == 1 else 'explain'} a part"
         known = f"{listed(verdict.names).capitalize()}{'' if why == 'worse' else part}"
-        return known + (said or f": {what}.{remainder(evidence, verdict)}")
+        return known + (said or f": {what}.{remainder(evidence, verdict) or _structure(evidence, verdict)}")
     if why == "elsewhere":
         differs = there or "what differs?"
         left = _left_over(evidence, verdict)
@@ -202,6 +202,16 @@ def remainder(evidence: Evidence, verdict: Verdict) -> str:
         return f"{left}."
     times = f"over {MAX_TIMES_NOISE}" if verdict.percent > MAX_TIMES_NOISE * noise else f"{verdict.percent / noise:.3g}"
     return f"{left}, {times} times what the sensors' noise makes of it."
+
+
+def _structure(evidence: Evidence, verdict: Verdict) -> str:
+    """Return in which channel the residual is small, and no noise all the same; empty where tests find none."""
+    left = [one for one in verdict.final.residual_tests if one.structured]
+    if not left:
+        return ""
+    one = max(left, key=lambda one: one.over_noise)
+    moves = one.dependent > evidence.criteria.max_dependent_share
+    return phrases.small_but_no_noise(one.channel, moves)
 
 
 def _motion_left(evidence: Evidence, verdict: Verdict) -> str:
