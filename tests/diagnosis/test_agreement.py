@@ -21,6 +21,7 @@ from signlin_ros.diagnosis import validation as tests_module
 from signlin_ros.diagnosis import verdict as verdict_module
 from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA
 from signlin_ros.diagnosis.dataset import Dataset
+from signlin_ros.diagnosis.discrimination import Doubts
 from signlin_ros.diagnosis.equation_error.flexible import Curve
 from signlin_ros.diagnosis.evidence import Evidence
 from signlin_ros.diagnosis.family import FamilyChoice
@@ -521,7 +522,7 @@ def test_every_reason_is_told(why, monkeypatch):
     found["loop"] = "coulomb_friction" if why == "loop" else ""
     v = replace(j.values, **found, reversed="speed" if why == "reversed" else "")
     assert SAID[why] in verdicts.sentence(j.evidence, v)
-    assert summary._named(j.evidence, v, "coulomb_friction", ()).status == {"loop": "ambiguous"}.get(
+    assert summary._named(j.evidence, v, "coulomb_friction", (), Doubts()).status == {"loop": "ambiguous"}.get(
         why, "rejected" if REASONS[why].rejects else "confirmed"
     )
 
