@@ -59,7 +59,9 @@ EXTRA = (
 )
 """What may be missing beyond that."""
 ASKED = (JointLaw("power_law_friction", "c", "a", base="viscous_friction"),)
-"""What is fitted where it is asked for only: near standstill it looks like dry friction that sets in gradually."""
+"""What is not searched for among others: near standstill it looks like dry friction that sets in gradually
+(`signlin_ros.arms.forms`).
+"""
 
 
 class Loads:

@@ -172,6 +172,17 @@ class RegressionRows:
             found += [piece.motors[i, j] * values[piece.moving[:, j]] for j in range(self.n)]
         return np.concatenate(found)
 
+    def faster(self, i: int, share: float) -> NDArray[np.bool_]:
+        """Return which rows (N,) see the motor i only above a share of its fastest speed."""
+        fastest = max(float(np.abs(piece.speed[:, i]).max()) for piece in self.pieces)
+
+        def crawls(piece: ArmSegment) -> Array:
+            slow = np.abs(piece.speed[:, i]) < share * fastest
+            return np.tile(slow[:, None, None].astype(float), (1, self.n, 1))
+
+        slow = self.whole(crawls)
+        return np.asarray(slow[:, 0] <= STUCK)
+
     def by_joint(self, r: Array) -> Array:
         """Return the RMS of residuals (N,) joint by joint (n,), NaN where none counts."""
         squares = np.bincount(self.joint, r**2, self.n)

@@ -228,6 +228,7 @@ def _promises(state: State, estimate: CoefficientEstimate) -> tuple[list[_Promis
     """Return the laws that promise most, the best shape of each, and how many were tried."""
     w = estimate.weights[state.rows.joint]
     X, r, inner = estimate.design.known * w[:, None], estimate.residual * w, estimate.inverse()
+    errors = estimate.errors()
     loads, tried = state.loads(estimate), 0
     best: dict[tuple[str, int], _Promise] = {}
     for key, law in state.candidates(estimate):
@@ -241,7 +242,10 @@ def _promises(state: State, estimate: CoefficientEstimate) -> tuple[list[_Promis
         if key.law != "payload" and (np.diag(S) < MIN_NEW_SHARE * np.sum(C**2, axis=0)).any():
             continue
         d = C.T @ r
-        fall = float(d @ np.linalg.lstsq(S, d, rcond=1e-8)[0])
+        coefficients = np.linalg.lstsq(S, d, rcond=1e-8)[0]
+        fall = float(d @ coefficients)
+        if not possible(estimate.design, estimate.theta - inner @ (P @ coefficients), errors, key):
+            continue
         if (key.law, key.at) not in best or fall > best[key.law, key.at].fall:
             best[key.law, key.at] = _Promise(fall, key, law, known, unseen)
     return sorted(best.values(), key=lambda p: -p.fall)[:MAX_LAWS_FITTED], tried
@@ -273,6 +277,22 @@ def _stands(
         if not (sure and visible > MIN_VALIDATION_SHARE and worth > 0.0 and _again(state, trial, values, names)):
             return None
     return SearchResult(key, names, values, errors, before, after, worth), law
+
+
+def possible(design: FitDesign, theta: Array, errors: Array, key: Key) -> bool:
+    """Tell whether coefficients (k,) leave a joint friction that takes energy: none is below nothing beyond doubt."""
+    at = [design.at(f"{key.at}.{name}") for name in _TAKES_ENERGY if f"{key.at}.{name}" in design.names]
+    return bool((theta[at] >= -MIN_VALIDATION_ERRORS * errors[at]).all())
+
+
+def admissible(trial: CoefficientEstimate, key: Key) -> bool:
+    """Tell whether a law and the friction beside it are what a model file takes: none of them drives its joint."""
+    names = (*names_of(key), *(f"{key.at}.{name}" for name in _TAKES_ENERGY))
+    return all(trial[name] >= 0.0 for name in names if name in trial.design.names)
+
+
+_TAKES_ENERGY = ("viscous_friction.b", "coulomb_friction.mu")
+"""Basic friction of a joint that is written beside other laws, and cannot be below nothing."""
 
 
 def needed_errors(tried: int) -> float:

@@ -12,6 +12,7 @@ from signlin_ros.arms.coupling import find_coupling
 from signlin_ros.arms.data import ArmRun
 from signlin_ros.arms.detectable import detectable
 from signlin_ros.arms.fit import CoefficientEstimate, FitDesign, blocks, fit
+from signlin_ros.arms.forms import better_forms
 from signlin_ros.arms.laws import ASKED, EXTRA, JointLaw, shapes
 from signlin_ros.arms.proposal import Proposal, proposal
 from signlin_ros.arms.search import (
@@ -170,6 +171,7 @@ def diagnose(
         estimate = settled(state)
     missing = _left_out(found, state, estimate)
     estimate = search(state, progress)
+    estimate = better_forms(state, estimate, progress)
     told = _told(replace(comparison, study=found), state, estimate, missing, couplings)
     return replace(told, detectable=detectable(state, estimate))
 
@@ -199,12 +201,13 @@ def add(
         kept, tried = _in_file(found, place, law), []
         for shape in shapes(law, found.rows, place):
             state.terms = [*kept, (Key(name, place, shape), law)]
-            fitted = settled(state)
+            fitted = fit(state.design(state.loads(before)), state.rows, state.new, before.weights)
             if fitted[f"{place}.viscous_friction.b"] >= 0.0 or law.base != "viscous_friction":
                 tried.append((fitted, list(state.terms)))
         if not tried:
             raise ModelError(f"{effect}: with it viscous friction of {joint} would be negative; it does not fit")
-        estimate, state.terms = min(tried, key=lambda pair: pair[0].objective)
+        _, state.terms = min(tried, key=lambda pair: pair[0].objective)
+        estimate = settled(state, before)
         at = estimate.design.at(f"{place}.{name}")
         one = slice(at, at + 1)
         state.found = [

@@ -288,11 +288,6 @@ def test_an_added_effect_leaves_those_of_the_file(loaded_friction):
     assert (found.comparison.table.model <= 1.1 * found.comparison.table.basic).all()
 
 
-def test_a_power_of_speed_is_not_searched_for(loaded_friction):
-    """Near standstill it looks like dry friction that sets in gradually."""
-    assert "power_law_friction" not in [law.effect for law in EXTRA]
-
-
 @pytest.mark.long
 def test_records_of_another_program_with_controller_and_creep_name_what_is_hidden():
     """Pinocchio's forward dynamics under a controller, wrong links, gears that ripple, 3 % noise."""
