@@ -104,11 +104,7 @@ def force(effect: str, values: Mapping[str, Any], piece: ArmSegment, i: int, loa
 
 def column(law: JointLaw, shape: float, rows: RegressionRows, i: int, loads: Loads) -> Array:
     """Return the effort (N, 1) that one unit of a law needs: minus its force."""
-    values: dict[str, float] = {law.linear: 1.0}
-    if law.shape:
-        values[law.shape] = shape
-    if law.effect == "asymmetric_viscous_friction":
-        values["b_n"] = -1.0  # beside viscous friction only the difference is new
+    values = unit_of(law, shape)
     kept = (law.effect, law.linear, shape, i)
     if law.loaded:
         return rows.motor(i, lambda p: -force(law.effect, values, p, i, loads.of(p)))[:, None]
@@ -116,6 +112,16 @@ def column(law: JointLaw, shape: float, rows: RegressionRows, i: int, loads: Loa
         nothing = np.zeros((1, len(rows.pieces[0].motors)))
         rows.known[kept] = rows.motor(i, lambda p: -force(law.effect, values, p, i, nothing))[:, None]
     return rows.known[kept]
+
+
+def unit_of(law: JointLaw, shape: float) -> dict[str, float]:
+    """Return the parameters of one unit of a law."""
+    values: dict[str, float] = {law.linear: 1.0}
+    if law.shape:
+        values[law.shape] = shape
+    if law.effect == "asymmetric_viscous_friction":
+        values["b_n"] = -1.0  # beside viscous friction only the difference is new
+    return values
 
 
 def shapes(law: JointLaw, rows: RegressionRows, i: int) -> list[float]:
@@ -179,12 +185,16 @@ def compliance(rows: RegressionRows, i: int, loads: Loads) -> Array:
     return rows.whole(of)
 
 
+def across_gravity(robot: Robot) -> tuple[Array, float]:
+    """Return two directions (2, 3) across gravity, and how strong it is in m/s²."""
+    down = float(np.linalg.norm(robot.gravity)) or 1.0
+    return np.linalg.svd(robot.gravity[None, :] / down)[2][1:], down
+
+
 def tilt(rows: RegressionRows, loads: Loads) -> Array:
     """Return the effort (N, 2) that a base tilted by one rad about x and about y would add."""
     robot, pi = loads.robot, loads.pi
-    g = robot.gravity
-    down = float(np.linalg.norm(g)) or 1.0
-    across = np.linalg.svd(g[None, :] / down)[2][1:]
+    across, down = across_gravity(robot)
 
     def of(piece: ArmSegment) -> Array:
         columns = []
@@ -203,6 +213,7 @@ __all__ = [
     "EXTRA",
     "JointLaw",
     "Loads",
+    "across_gravity",
     "column",
     "compliance",
     "force",
@@ -211,4 +222,5 @@ __all__ = [
     "payload",
     "shapes",
     "tilt",
+    "unit_of",
 ]

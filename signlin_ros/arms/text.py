@@ -36,6 +36,22 @@ def joints_table(content: Mapping[str, Any]) -> str:
     return f"{above}\n{table([head, *rows])}"
 
 
+def forward_table(content: Mapping[str, Any]) -> str:
+    """Return the table of what short forward simulations of unseen motion say, '' where there were none."""
+    own = {name: joint["forward"] for name, joint in content["joints"].items() if joint.get("forward")}
+    if not own:
+        return ""
+    laws = [(e["effect"], e["forward"]["says"]) for e in content["ranking"] if e["forward"]]
+    rows = []
+    for name, ahead in own.items():
+        says = [f"{law.rpartition('.')[2]}: {what}" for law, what in laws if law.rpartition(".")[0] == name]
+        rows.append([name, ahead["unit"], _number(ahead["basic"]), _number(ahead["model"]), ", ".join(says)])
+    window = next(iter(own.values()))["window_s"]
+    rows += [["robot", "", "", "", f"{law}: {what}"] for law, what in laws if "." not in law]
+    above = f"Errors of the velocities over {window:g} s ahead of measured states, RMS, on data that no fit saw"
+    return f"{above}\n{table([['joint', '', '+ friction', 'model', 'says'], *rows])}"
+
+
 def basic_table(content: Mapping[str, Any]) -> str:
     """Return the basic friction of every joint, fitted to all of DATA."""
     rows = []
@@ -64,7 +80,8 @@ def diagnose_text(content: Mapping[str, Any]) -> str:
     """Return the text of `diagnose`, `add` and `refine`."""
     notes = "\n".join(content["notes"])
     said = "\n".join(content["sentences"])
-    parts = (f"{content['verdict']}", said, joints_table(content), notes, cannot_text(content))
+    tables = (joints_table(content), forward_table(content))
+    parts = (f"{content['verdict']}", said, *tables, notes, cannot_text(content))
     return "\n\n".join(part for part in parts if part)
 
 

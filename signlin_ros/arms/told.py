@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from signlin_ros.arms.foretold import foretold_json, forward_json, forward_text, speed_unit
 from signlin_ros.arms.proposal import basic_of
 from signlin_ros.arms.search import Key, SearchResult
 from signlin_ros.arms.study import Study, unseen_noise
@@ -53,6 +54,8 @@ def diagnosed_json(diagnosis: ArmDiagnosis, text: str, source: str, data: list[s
     content["joints"] = _joints(diagnosis.comparison, named)
     for i, name in enumerate(study.names):
         content["joints"][name]["cannot_tell"] += _too_small(diagnosis, i)
+        if diagnosis.ahead is not None:
+            content["joints"][name]["forward"] = foretold_json(diagnosis.ahead, i, speed_unit(study, i))
     payload = {n: {"value": v, "std": e, "unit": u} for n, (v, e, u) in diagnosis.payload.items()}
     gains = {
         study.names[f.key.at]: _value(float(f.values[0]), float(f.errors[0]), "-")
@@ -65,7 +68,7 @@ def diagnosed_json(diagnosis: ArmDiagnosis, text: str, source: str, data: list[s
     return {
         "verdict": verdict(diagnosis),
         **content,
-        "ranking": [_entry(study, f) for f in diagnosis.found] + [_left_out(study, m) for m in diagnosis.missing],
+        "ranking": _ranking(diagnosis),
         "found_couplings": [list(pair) for pair in diagnosis.couplings],
         "model": text,
         "range": _range(study),
@@ -213,6 +216,21 @@ def name_of(study: Study, key: Key) -> str:
     return f"{study.names[key.at]}.{key.law}" if key.at >= 0 else key.law
 
 
+def _ranking(diagnosis: ArmDiagnosis) -> list[dict[str, Any]]:
+    """Return the entries of all laws, each with what short forward simulations say of it."""
+    study = diagnosis.comparison.study
+    entries = [_entry(study, f) for f in diagnosis.found] + [_left_out(study, m) for m in diagnosis.missing]
+    joints = [f.key.at for f in diagnosis.found] + [m.joint for m in diagnosis.missing]
+    witnesses = diagnosis.witnesses or (None,) * len(entries)
+    for entry, at, witness in zip(entries, joints, witnesses, strict=True):
+        unit = speed_unit(study, at)
+        entry["why"] += forward_text(witness, unit)
+        entry["forward"] = forward_json(witness, unit)
+        if witness is not None and witness.says == "in question":
+            entry["status"] = "ambiguous"
+    return entries
+
+
 def _entry(study: Study, found: SearchResult) -> dict[str, Any]:
     rivals = [name_of(study, key) for key in found.rivals if key.at == found.key.at]
     return {
@@ -311,11 +329,10 @@ def sentences(diagnosis: ArmDiagnosis) -> list[str]:
     """Return one sentence for each joint, and one for the robot."""
     study, table = diagnosis.comparison.study, diagnosis.comparison.table
     lines, left = [], _unexplained(diagnosis.comparison)
-    efforts = study.new.by_joint(study.new.y)
+    efforts, told = study.new.by_joint(study.new.y), _whys(diagnosis)
     for i, name in enumerate(study.names):
         unit = study.robot.joints[i].effort_unit
-        said = [_left_out(study, m)["why"] for m in diagnosis.missing if m.joint == i]
-        said += [sentence(study, f) + _or(study, f) for f in diagnosis.found if f.key.at == i]
+        said = [why for at, why in told if at == i]
         if i in study.barred or i in study.link_side:
             said = [study.barred.get(i) or study.link_side[i]]
         elif not said:
@@ -323,6 +340,14 @@ def sentences(diagnosis: ArmDiagnosis) -> list[str]:
             said = [f"nothing listed is missing; {rest}" + (", unexplained" if left[i] else "")]
         lines.append(f"{name}: {'; '.join(said)}")
     return [*lines, f"robot: {_robot(diagnosis)}"]
+
+
+def _whys(diagnosis: ArmDiagnosis) -> list[tuple[int, str]]:
+    """Return the joint (-1: the robot) and the sentence of every law, left out ones of the file first."""
+    entries, found, study = _ranking(diagnosis), diagnosis.found, diagnosis.comparison.study
+    said = [(f.key.at, e["why"] + _or(study, f)) for f, e in zip(found, entries, strict=False)]
+    missing = [(m.joint, e["why"]) for m, e in zip(diagnosis.missing, entries[len(found) :], strict=True)]
+    return [*missing, *said]
 
 
 def _or(study: Study, found: SearchResult) -> str:
@@ -333,7 +358,7 @@ def _or(study: Study, found: SearchResult) -> str:
 def _robot(diagnosis: ArmDiagnosis) -> str:
     study = diagnosis.comparison.study
     said = [f"{a} and {b} are coupled: one motor turns with both" for a, b in diagnosis.couplings]
-    said += [sentence(study, f) for f in diagnosis.found if f.key.at < 0]
+    said += [why for at, why in _whys(diagnosis) if at < 0]
     if diagnosis.only_payload and diagnosis.payload:
         value, error, unit = diagnosis.payload["m"]
         said.append(f"payload on {study.payload_link}: {value:.3g} ± {error:.2g} {unit}, nothing else fitted")

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.arms.ahead import WINDOW, Ahead, Witness, ahead, witnesses
 from signlin_ros.arms.coupling import find_coupling
 from signlin_ros.arms.data import ArmRun
 from signlin_ros.arms.detectable import detectable
@@ -74,7 +75,8 @@ class MissingLaw:
 class ArmDiagnosis:
     """What is missing: laws, couplings, effects that the file leaves out, and the model that is proposed.
 
-    ``detectable``: the smallest coefficients of laws that these records would show.
+    ``detectable``: the smallest coefficients of laws that these records would show. ``ahead``: velocities foretold over
+    short windows by basic friction and by what is proposed; ``witnesses``: what those say of ``found`` and ``missing``.
     """
 
     comparison: ArmComparison
@@ -87,6 +89,8 @@ class ArmDiagnosis:
     payload: dict[str, tuple[float, float, str]] = field(default_factory=dict)
     only_payload: bool = False
     detectable: dict[Key, float] = field(default_factory=dict)
+    ahead: tuple[Ahead, Ahead] | None = None
+    witnesses: tuple[Witness | None, ...] = ()
 
 
 def _quiet(_: str) -> None:
@@ -173,7 +177,23 @@ def diagnose(
     estimate = search(state, progress)
     estimate = better_forms(state, estimate, progress)
     told = _told(replace(comparison, study=found), state, estimate, missing, couplings)
-    return replace(told, detectable=detectable(state, estimate))
+    progress(f"windows of {WINDOW:g} s")
+    return replace(_witnessed(told), detectable=detectable(state, estimate))
+
+
+def _witnessed(told: ArmDiagnosis) -> ArmDiagnosis:
+    """Return a diagnosis with what short forward simulations of unseen motion say of each law."""
+    state, estimate = told.state, told.estimate
+    laws = [(f.key.at, f.names) for f in told.found]
+    laws += [(m.joint, (f"{m.joint}.{m.effect}.{LINEAR[m.effect]}",)) for m in told.missing]
+    whole = ahead(state, estimate)
+    before = ahead(state, fit(_without_laws(state, estimate), state.rows, state.new))
+    return replace(told, ahead=(before, whole), witnesses=tuple(witnesses(state, estimate, whole, laws)))
+
+
+def _without_laws(state: State, estimate: CoefficientEstimate) -> FitDesign:
+    """Return the design without the laws that were found: rigid body and basic friction."""
+    return estimate.design.without(*(name for key, _ in state.terms for name in names_of(key)))
 
 
 def add(
@@ -223,7 +243,7 @@ def add(
         ]
     else:
         estimate = before
-    return _told(comparison, state, estimate, (), [])
+    return _witnessed(_told(comparison, state, estimate, (), []))
 
 
 def _in_file(found: Study, place: int, new: JointLaw) -> list[tuple[Key, JointLaw | None]]:
@@ -268,7 +288,7 @@ def _left_out(found: Study, state: State, estimate: CoefficientEstimate) -> list
         own = {use.type for key, use in found.model.effects.items() if key.partition(".")[0] == name}
         if not own or i in found.barred or i in found.link_side or i in alone:
             continue
-        for effect, linear in (("coulomb_friction", "mu"), ("viscous_friction", "b")):
+        for effect, linear in LINEAR.items():
             if own & _CONTAIN[effect]:
                 continue
             column = f"{i}.{effect}.{linear}"
@@ -284,6 +304,8 @@ def _left_out(found: Study, state: State, estimate: CoefficientEstimate) -> list
     return missing
 
 
+LINEAR = {"coulomb_friction": "mu", "viscous_friction": "b"}
+"""Basic friction that a file may leave out, and its parameters."""
 _CONTAIN = {
     "coulomb_friction": {"coulomb_friction", "stribeck_friction", "load_dependent_stribeck"},
     "viscous_friction": {"viscous_friction", "cubic_viscous_friction", "asymmetric_viscous_friction"},
