@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.arms.fit import CoefficientEstimate, fit
-from signlin_ros.arms.laws import JointLaw, across_gravity, force, unit_of
+from signlin_ros.arms.laws import across_gravity, force, unit_of
 from signlin_ros.arms.piece import BLOCK, EDGE, ArmSegment
 from signlin_ros.arms.search import MIN_VALIDATION_ERRORS, State
 from signlin_ros.filters import low_pass
@@ -97,12 +97,7 @@ class ForwardModel:
         inertias = np.array([values.get(f"{i}.motor_inertia", 0.0) for i in range(n)])
         self.motors = self.P[:n].T @ (inertias[:, None] * self.P[:n])
         self.shown = np.array([1.0 + values.get(f"{i}.sensor_gain", 0.0) for i in range(n)])
-        self.laws: list[tuple[int, JointLaw, float, float]] = []
-        for i, law in state.basic:
-            self.laws.append((i, law, 0.0, values.get(f"{i}.{law.effect}.{law.linear}", 0.0)))
-        for key, term in state.terms:
-            if term is not None:
-                self.laws.append((key.at, term, key.shape, values.get(f"{key.at}.{key.law}", 0.0)))
+        self.laws = state.friction(estimate)
 
     def mass(self, q: Array) -> Array:
         """Return mass matrices (W, n, n), the motors' inertias in them."""
@@ -196,10 +191,10 @@ def witnesses(
             continue
         less = fit(estimate.design.without(*names), state.rows, state.new, estimate.weights)
         without = ahead(state, less)
-        yield _compared(without, whole, at)
+        yield compared(without, whole, at)
 
 
-def _compared(without: Ahead, whole: Ahead, at: int) -> Witness | None:
+def compared(without: Ahead, whole: Ahead, at: int) -> Witness | None:
     """Return by how much the squares of a joint's windows fall, beside what they scatter block by block."""
     weights = np.zeros(len(whole.rms))
     weights[slice(None) if at < 0 else at] = 1.0
@@ -214,4 +209,4 @@ def _compared(without: Ahead, whole: Ahead, at: int) -> Witness | None:
     return Witness(*rms, float(sums.sum()) / max(spread, 1e-300), len(before))
 
 
-__all__ = ["WINDOW", "Ahead", "ForwardModel", "Witness", "ahead", "witnesses"]
+__all__ = ["WINDOW", "Ahead", "ForwardModel", "Witness", "ahead", "compared", "witnesses"]

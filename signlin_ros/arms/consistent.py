@@ -1,24 +1,27 @@
 """Inertial parameters of bodies that exist: the best ones whose pseudo-inertias are positive definite.
 
-Each pseudo-inertia is L L^T with L triangular, so that nothing has to be constrained.   [Rucker and Wensing, IEEE
-Robotics and Automation Letters 7(2), 2022, doi:10.1109/LRA.2022.3144517]
+The pseudo-inertia of a body is linear in its parameters, so the problem is convex: squares under linear matrix
+inequalities, solved by Newton's method with a logarithmic barrier.   [Boyd and Vandenberghe, Convex Optimization,
+Cambridge 2004, sec. 11.3; Wensing, Kim and Slotine, IEEE Robotics and Automation Letters 3(1), 2018]
 """
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from signlin_ros.arms.fit import CoefficientEstimate
 from signlin_ros.robots.inertia import TEN, from_pseudo_inertia, least_eigenvalue, pseudo_inertia
 
 Array = NDArray[np.float64]
-_LOWER = np.tril_indices(4)
 MIN_EIGENVALUE = 1e-7
 """Part of the largest eigenvalue that the smallest one of a pseudo-inertia is given."""
 MIN_BODY_MASS = 1e-6
 """kg by which a body without a mass is given one."""
+BARRIERS = 0.2 ** np.arange(7)
+"""Weights of the barrier, one after the other; the squares are in units of their scatter, so the last is nothing."""
+NEWTON_STEPS, HALVINGS, DESCENT, SETTLED = 60, 60, 1e-4, 1e-7
+"""Steps for each weight; halvings of one; part of the foretold descent that it needs; descent that ends them."""
 
 
 def consistent(estimate: CoefficientEstimate, start: Array, carried: Array) -> Array:
@@ -28,55 +31,60 @@ def consistent(estimate: CoefficientEstimate, start: Array, carried: Array) -> A
     which the bodies exist.
     """
     k = TEN * estimate.rows.n
-    if min(least_eigenvalue(body) for body in (estimate.pi - carried).reshape(-1, TEN)) > 0.0:
+    target = estimate.pi - carried
+    if min(least_eigenvalue(body) for body in target.reshape(-1, TEN)) > 0.0:
         return estimate.theta
     G, theta = estimate.G, estimate.theta
     inner = np.linalg.solve(G[k:, k:], G[k:, :k]) if len(theta) > k else np.zeros((0, k))
     reduced = G[:k, :k] - G[:k, k:] @ inner
-    root = np.linalg.cholesky(0.5 * (reduced + reduced.T) + 1e-12 * np.diag(np.diag(reduced))).T
-
-    def residual(x: Array) -> Array:
-        return np.asarray(root @ (_bodies(x) + carried - estimate.pi))
-
-    def slopes(x: Array) -> Array:
-        return np.asarray(root @ _slopes(x))
-
-    x = np.concatenate([_triangle(body) for body in start.reshape(-1, TEN)])
-    found = least_squares(residual, x, jac=slopes, x_scale="jac", method="trf", max_nfev=200)
-    pi = _bodies(found.x) + carried
+    x = np.concatenate([_near(body) for body in start.reshape(-1, TEN)])
+    pi = _nearest(0.5 * (reduced + reduced.T), target, x) + carried
     return np.concatenate([pi, theta[k:] - inner @ (pi - estimate.pi)])
 
 
-def _triangle(pi: Array) -> Array:
-    """Return the lower triangle (10,) whose product is a body's pseudo-inertia, or one near it that exists."""
-    J = pseudo_inertia(pi)
-    values, vectors = np.linalg.eigh(J)
+def _near(pi: Array) -> Array:
+    """Return a body (10,) that exists, near one that may not."""
+    values, vectors = np.linalg.eigh(pseudo_inertia(pi))
     floor = max(MIN_EIGENVALUE * float(values[-1]), MIN_EIGENVALUE * MIN_BODY_MASS)
-    L = np.linalg.cholesky((vectors * np.maximum(values, floor)) @ vectors.T)
-    return np.asarray(L[_LOWER])
-
-
-def _bodies(x: Array) -> Array:
-    found = []
-    for part in x.reshape(-1, TEN):
-        L = np.zeros((4, 4))
-        L[_LOWER] = part
-        found.append(from_pseudo_inertia(L @ L.T + MIN_EIGENVALUE * MIN_BODY_MASS * np.eye(4)))
-    return np.concatenate(found)
-
-
-def _slopes(x: Array) -> Array:
-    """Return the derivatives (10 n, 10 n) of the bodies by their triangles."""
-    count = x.size // TEN
-    found = np.zeros((x.size, x.size))
-    for b in range(count):
-        L = np.zeros((4, 4))
-        L[_LOWER] = x[TEN * b : TEN * (b + 1)]
-        for k, (i, j) in enumerate(zip(*_LOWER, strict=True)):
-            E = np.zeros((4, 4))
-            E[i, j] = 1.0
-            found[TEN * b : TEN * (b + 1), TEN * b + k] = from_pseudo_inertia(E @ L.T + L @ E.T)
+    found: Array = from_pseudo_inertia((vectors * np.maximum(values, floor)) @ vectors.T)
     return found
+
+
+def _nearest(H: Array, target: Array, x: Array) -> Array:
+    """Return the bodies (10 n,) that exist and are nearest a target in the metric H, from bodies x that exist."""
+    for weight in BARRIERS:
+        for _ in range(NEWTON_STEPS):
+            slope, curvature = H @ (x - target), H.copy()
+            for at in (slice(i, i + TEN) for i in range(0, x.size, TEN)):
+                own = np.linalg.solve(pseudo_inertia(x[at]), _UNITS)
+                slope[at] -= weight * np.trace(own, axis1=1, axis2=2)
+                curvature[at, at] += weight * np.einsum("aij,bji->ab", own, own)
+            step = -np.linalg.solve(curvature, slope)
+            descent = -float(slope @ step)
+            if descent < SETTLED * max(1.0, weight):
+                break
+            before, length = _height(H, target, x, weight), 1.0
+            for _ in range(HALVINGS):
+                if _height(H, target, x + length * step, weight) <= before - DESCENT * length * descent:
+                    x = x + length * step
+                    break
+                length *= 0.5
+            else:
+                break
+    return x
+
+
+def _height(H: Array, target: Array, x: Array, weight: float) -> float:
+    """Return the squares with the barrier on them; infinite where a body does not exist."""
+    values = np.linalg.eigvalsh(np.stack([pseudo_inertia(body) for body in x.reshape(-1, TEN)]))
+    if values.min() <= 0.0:
+        return np.inf
+    away = x - target
+    return float(0.5 * away @ H @ away - weight * np.sum(np.log(values)))
+
+
+_UNITS = np.stack([pseudo_inertia(unit) for unit in np.eye(TEN)])
+"""Pseudo-inertias (10, 4, 4) of a unit of each parameter."""
 
 
 __all__ = ["consistent"]

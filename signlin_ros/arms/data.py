@@ -89,7 +89,7 @@ def runs_of(model: ArmModel, record: ModelData) -> list[ArmRun]:
     measured = all(f"{name}.velocity" in record.measured for name in names)
     v = np.stack([record.measured[f"{name}.velocity"] for name in names], axis=1) if measured else None
     gains = np.array([model.parameters[f"{name}.{GAIN_PARAMETER}"] for name in names])
-    tau = record.u * gains
+    tau = in_time(record.t, record.u * gains, model.effort_delays)
     at_motor = np.array(model.arm_plant.at_motor)
     tau = tau @ np.where(at_motor[None, :], model.arm_plant.motors.T, np.eye(len(names))).T
     good = np.isfinite(q).all(axis=1) & np.isfinite(tau).all(axis=1)
@@ -106,6 +106,28 @@ def runs_of(model: ArmModel, record: ModelData) -> list[ArmRun]:
     if not found:
         raise RecordError(f"{record.source}: no part without gaps is {MIN_PART_SECONDS:g} s long")
     return found
+
+
+def in_time(t: Array, tau: Array, delays: Sequence[float] | Array) -> Array:
+    """Return efforts (T, n) as they were when the motion was, which is recorded earlier by some delays in s."""
+    if not np.any(delays):
+        return tau
+    return np.stack([np.interp(t + delay, t, column) for column, delay in zip(tau.T, delays, strict=True)], axis=1)
+
+
+def shifted(run: ArmRun, delays: Array) -> ArmRun:
+    """Return a run whose efforts are put in time with the motion, by delays (n,) in s."""
+    return replace(run, tau=in_time(run.t, run.tau, delays))
+
+
+def with_delays(model: ArmModel, delays: Array) -> ArmModel:
+    """Return a model whose file says that efforts are recorded later than the motion, by more seconds (n,)."""
+    content = model.to_dict()
+    for name, before, more in zip(model.robot.names, model.effort_delays, delays, strict=True):
+        section = content.get(name, {})
+        if more:
+            content[name] = {**section, "effort": {**section.get("effort", {}), "delay": float(before + more)}}
+    return ArmModel.from_dict(content, model.source, model.folder)
 
 
 def _even(t: Array, q: Array, v: Array | None, tau: Array, step: float, source: str) -> ArmRun:
@@ -145,4 +167,4 @@ def sides(
     return known, [unseen[k] for k in long]
 
 
-__all__ = ["HELD_OUT", "ArmRun", "read_data", "runs_of", "sides"]
+__all__ = ["HELD_OUT", "ArmRun", "in_time", "read_data", "runs_of", "shifted", "sides", "with_delays"]

@@ -165,6 +165,21 @@ def gain(rows: RegressionRows, i: int, drives: Sequence[Array]) -> Array:
     return np.concatenate(found)[:, None]
 
 
+def delay(rows: RegressionRows, i: int, loads: Loads) -> Array:
+    """Return the effort (N, 1) that a delay of one second of joint i's effort (-1: of all) adds.
+
+    What the rigid body needs falls behind by its derivative times the delay. Friction does not speak: what sets in late
+    after a reversal looks like a delay, and viscous friction that is late like another inertia of the motor.
+    """
+    n = loads.robot.n
+
+    def of(piece: ArmSegment) -> Array:
+        found = -np.gradient(loads.of(piece)[:, :n] @ piece.motors[:n], piece.step, axis=0)
+        return np.asarray(found if i < 0 else found * (np.arange(n) == i))[:, :, None]
+
+    return rows.whole(of)
+
+
 def compliance(rows: RegressionRows, i: int, loads: Loads) -> Array:
     """Return the effort (N, 1) that a unit of compliance (rad per N·m) behind the motor of joint i needs.
 
@@ -216,6 +231,7 @@ __all__ = [
     "across_gravity",
     "column",
     "compliance",
+    "delay",
     "force",
     "gain",
     "motor_inertia",

@@ -23,6 +23,7 @@ from signlin_ros.arms.laws import (
     Loads,
     column,
     compliance,
+    delay,
     gain,
     motor_inertia,
     payload,
@@ -52,6 +53,8 @@ GIVEN = 0.3
 """Relative error of a motor's inertia that the file gives."""
 MAX_LAWS_ADDED = 12
 """Laws that are added, at most."""
+DELAY = "sensor_delay"
+"""Name of the law that an effort is recorded later than the motion."""
 
 
 @dataclass(frozen=True)
@@ -95,12 +98,20 @@ class State:
     barred: frozenset[int] = frozenset()
     carried: Array | float = 0.0
     tilts: bool = True
+    delays: bool = True
     terms: list[tuple[Key, JointLaw | None]] = field(default_factory=list)
     found: list[SearchResult] = field(default_factory=list)
 
     def loads(self, estimate: CoefficientEstimate | None) -> Loads:
         """Return the loads of the rigid body as it is estimated, else as it is given."""
         return Loads(self.robot, self.robot.pi + self.carried if estimate is None else self.body(estimate))
+
+    def friction(self, estimate: CoefficientEstimate) -> list[tuple[int, JointLaw, float, float]]:
+        """Return the laws of friction that were fitted: place, law, shape and coefficient of each."""
+        found = [(i, law, 0.0, f"{i}.{law.effect}.{law.linear}") for i, law in self.basic]
+        found += [(key.at, law, key.shape, names_of(key)[0]) for key, law in self.terms if law is not None]
+        known = set(estimate.design.names)
+        return [(i, law, shape, estimate[name]) for i, law, shape, name in found if name in known]
 
     def body(self, estimate: CoefficientEstimate) -> Array:
         """Return the inertial parameters (10 n,), a payload that was found on them."""
@@ -142,6 +153,8 @@ class State:
             return tilt(self.rows, loads), tilt(self.new, loads)
         if key.law == "compliant_load":
             return compliance(self.rows, key.at, loads), compliance(self.new, key.at, loads)
+        if key.law == DELAY:
+            return delay(self.rows, key.at, loads), delay(self.new, key.at, loads)
         drives = self._drives(loads)
         return gain(self.rows, key.at, drives[0]), gain(self.new, key.at, drives[1])
 
@@ -161,10 +174,10 @@ class State:
                 if kin or any(key.same(other) for other in taken):
                     continue
                 yield from ((replace(key, shape=shape), law) for shape in shapes(law, self.rows, i))
-            for name in ("sensor_gain", "compliant_load"):
+            for name in ("sensor_gain", "compliant_load", *([DELAY] if self.delays else [])):
                 if not any(Key(name, i).same(other) for other in taken):
                     yield Key(name, i), None
-        known = {"payload": self.payload_at is not None, "tilt": self.tilts}
+        known = {"payload": self.payload_at is not None, "tilt": self.tilts, DELAY: self.tilts and self.delays}
         for name in (name for name, possible in known.items() if possible):
             if not any(Key(name, -1).same(other) for other in taken):
                 yield Key(name, -1), None

@@ -9,7 +9,7 @@ import numpy as np
 
 from signlin_ros.arms.foretold import foretold_json, forward_json, forward_text, speed_unit
 from signlin_ros.arms.proposal import basic_of
-from signlin_ros.arms.search import Key, SearchResult
+from signlin_ros.arms.search import DELAY, Key, SearchResult
 from signlin_ros.arms.study import Study, unseen_noise
 from signlin_ros.arms.verbs import ArmComparison, ArmDiagnosis, MissingLaw
 from signlin_ros.effects import find_effect
@@ -64,6 +64,7 @@ def diagnosed_json(diagnosis: ArmDiagnosis, text: str, source: str, data: list[s
     }
     couplings = [*_known_couplings(study), *map(list, diagnosis.couplings)]
     content["robot"] = {"payload": payload, "gains": gains, "couplings": couplings}
+    content["robot"] |= {"delays": _delays(diagnosis)} if _delays(diagnosis) else {}
     content["robot"] |= {"tilt": _tilt(diagnosis)} if _tilt(diagnosis) else {}
     return {
         "verdict": verdict(diagnosis),
@@ -191,6 +192,16 @@ def _known_couplings(study: Study) -> list[list[str]]:
     return [list(coupling.joints) for _, coupling in study.model.arm.couplings]
 
 
+def _delays(diagnosis: ArmDiagnosis) -> dict[str, Any]:
+    """Return by how many seconds efforts are recorded later than the motion, by joint, or of all."""
+    names = diagnosis.comparison.study.names
+    return {
+        names[f.key.at] if f.key.at >= 0 else "all": _value(float(f.values[0]), float(f.errors[0]), "s")
+        for f in diagnosis.found
+        if f.key.law == DELAY
+    }
+
+
 def _tilt(diagnosis: ArmDiagnosis) -> dict[str, Any]:
     for found in diagnosis.found:
         if found.key.law == "tilt":
@@ -269,6 +280,8 @@ def parameters(study: Study, found: SearchResult) -> dict[str, Any]:
     key, value, error = found.key, float(found.values[0]), float(found.errors[0])
     if key.law == "sensor_gain":
         return {"gain": _value(1.0 + value, error, "-")}
+    if key.law == DELAY:
+        return {"delay": _value(value, error, "s")}
     if key.law == "compliant_load":
         unit = "N·m/rad" if not study.robot.joints[key.at].prismatic else "N/m"
         return {"k": _value(1.0 / value, error / value**2, unit)}
@@ -298,7 +311,10 @@ def sentence(study: Study, found: SearchResult) -> str:
     """Return the sentence on a law, its size and its gain."""
     key, value = found.key, float(found.values[0])
     i = key.at if key.at >= 0 else int(np.nanargmax(np.log(found.before / found.after)))
+    whose = "its effort is" if key.at >= 0 else "all efforts are"
     what = {
+        DELAY: f"{whose} recorded {1e3 * abs(value):.2g} ± {1e3 * float(found.errors[0]):.1g} ms "
+        f"{'later' if value > 0 else 'earlier'} than the motion",
         "load_dependent_friction": f"load-dependent friction, {100 * value:.2g} % of the load",
         "stribeck_friction": f"dry friction that falls with speed (Stribeck), over {key.shape:.2g}",
         "cubic_viscous_friction": f"viscous friction that grows {'faster' if value > 0 else 'slower'} than speed",
@@ -362,7 +378,7 @@ def _robot(diagnosis: ArmDiagnosis) -> str:
     if diagnosis.only_payload and diagnosis.payload:
         value, error, unit = diagnosis.payload["m"]
         said.append(f"payload on {study.payload_link}: {value:.3g} ± {error:.2g} {unit}, nothing else fitted")
-    return "; ".join(said) or "no payload, wrong gain, tilt or coupling is seen"
+    return "; ".join(said) or "no payload, wrong gain, delay, tilt or coupling is seen"
 
 
 CANNOT = (

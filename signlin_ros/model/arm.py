@@ -64,6 +64,7 @@ class ArmModel(Model):
         effort: dict[str, Any] = {"gain": gain} if gain != 1.0 or own.unit != unit else {}
         effort |= {"unit": own.unit} if own.unit not in (unit, "A") else {}
         effort |= {"side": own.side} if own.side != "motor" else {}
+        effort |= {"delay": own.delay} if own.delay else {}
         if effort:
             found["effort"] = effort
         inertia = self.parameters[f"{joint}.{MOTOR_INERTIA}"]
@@ -156,6 +157,12 @@ class ArmModel(Model):
     def robot(self) -> Robot:
         """The robot with its payload."""
         return self.arm_plant.robot
+
+    @property
+    def effort_delays(self) -> tuple[float, ...]:
+        """Seconds by which the effort of each joint is recorded later than the motion."""
+        own = dict(self.arm.efforts)
+        return tuple(own.get(name, Effort()).delay for name in self.robot.names)
 
     @property
     def link_side(self) -> tuple[str, ...]:

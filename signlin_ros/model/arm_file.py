@@ -27,11 +27,15 @@ INERTIA_TOLERANCE = 0.1
 
 @dataclass(frozen=True)
 class Effort:
-    """How a joint's effort is recorded: ``gain`` in N·m (N) per ``unit``, and on which side of the gear."""
+    """How a joint's effort is recorded: ``gain`` in N·m (N) per ``unit``, and on which side of the gear.
+
+    ``delay``: seconds by which it is recorded later than the motion.
+    """
 
     gain: float = 1.0
     unit: str = ""
     side: str = "motor"
+    delay: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -177,7 +181,7 @@ def arm_file(mapping: Mapping[str, Any], folder: Path) -> tuple[ArmFile, Robot]:
 
 def effort_of(value: Any, where: str, own_unit: str) -> Effort:
     """Return how a joint's effort is recorded; ``own_unit`` is N·m, or N of a prismatic joint."""
-    given = _table(value, where, ("gain", "unit", "side", "measured"))
+    given = _table(value, where, ("gain", "unit", "side", "delay", "measured"))
     side = given.get("side", "motor")
     if side not in SIDES:
         raise ModelError(f"{where}.side: found {side!r}; allowed: {', '.join(SIDES)}")
@@ -187,7 +191,7 @@ def effort_of(value: Any, where: str, own_unit: str) -> Effort:
     gain = _number(given.get("gain", 1.0), f"{where}.gain")
     if gain == 0.0:
         raise ModelError(f"{where}.gain: found 0; allowed: a number other than 0, {own_unit} per {unit}")
-    return Effort(gain, str(unit), side)
+    return Effort(gain, str(unit), side, _number(given.get("delay", 0.0), f"{where}.delay"))
 
 
 def _payload(value: Any) -> Payload | None:

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from signlin_ros.arms.ahead import Ahead, ForwardModel, Witness, _compared, _impulses
+from signlin_ros.arms.ahead import Ahead, ForwardModel, Witness, _impulses, compared
 from signlin_ros.arms.data import ArmRun
 from signlin_ros.arms.foretold import forward_text
 from signlin_ros.arms.laws import BASIC, EXTRA
@@ -36,8 +36,10 @@ def forward(terms=(), **more):
     state = SimpleNamespace(
         robot=MODEL.robot,
         rows=SimpleNamespace(pieces=pieces),
-        basic=basic,
-        terms=list(terms),
+        friction=lambda _: (
+            [(i, law, 0.0, values.get(f"{i}.{law.effect}.{law.linear}", 0.0)) for i, law in basic]
+            + [(key.at, law, key.shape, values[f"{key.at}.{key.law}"]) for key, law in terms]
+        ),
         body=lambda _: MODEL.robot.pi,
     )
     estimate = SimpleNamespace(design=SimpleNamespace(names=tuple(values)), theta=np.array(list(values.values())))
@@ -110,10 +112,10 @@ def ahead(scale, seed=3):
     ("scale", "says", "told"), [(0.5, "confirmed", "->"), (1.0, "undecided", "chance"), (1.5, "in question", "but")]
 )
 def test_windows_confirm_or_call_into_question(scale, says, told):
-    witness = _compared(ahead(1.0), ahead(scale, seed=4), 1)
+    witness = compared(ahead(1.0), ahead(scale, seed=4), 1)
     assert witness.says == says
     assert told in forward_text(witness, "rad/s")
-    assert _compared(ahead(1.0), ahead(scale, seed=4), -1).says == says
+    assert compared(ahead(1.0), ahead(scale, seed=4), -1).says == says
 
 
 @pytest.mark.slow
