@@ -18,8 +18,8 @@ MIN_EIGENVALUE = 1e-7
 """Part of the largest eigenvalue that the smallest one of a pseudo-inertia is given."""
 MIN_BODY_MASS = 1e-6
 """kg by which a body without a mass is given one."""
-BARRIERS = 0.2 ** np.arange(7)
-"""Weights of the barrier, one after the other; the squares are in units of their scatter, so the last is nothing."""
+LEAST_BARRIER, WEAKER = 1e-4, 0.2
+"""The last weight of the barrier, nothing beside squares in units of their scatter; how much less each weight is."""
 NEWTON_STEPS, HALVINGS, DESCENT, SETTLED = 60, 60, 1e-4, 1e-7
 """Steps for each weight; halvings of one; part of the foretold descent that it needs; descent that ends them."""
 
@@ -52,7 +52,9 @@ def _near(pi: Array) -> Array:
 
 def _nearest(H: Array, target: Array, x: Array) -> Array:
     """Return the bodies (10 n,) that exist and are nearest a target in the metric H, from bodies x that exist."""
-    for weight in BARRIERS:
+    away = x - target
+    first = max(1.0, float(away @ H @ away) / x.size)
+    for weight in np.geomspace(first, LEAST_BARRIER, 1 + int(np.log(LEAST_BARRIER / first) / np.log(WEAKER))):
         for _ in range(NEWTON_STEPS):
             slope, curvature = H @ (x - target), H.copy()
             for at in (slice(i, i + TEN) for i in range(0, x.size, TEN)):

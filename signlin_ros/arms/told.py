@@ -64,7 +64,7 @@ def diagnosed_json(diagnosis: ArmDiagnosis, text: str, source: str, data: list[s
     }
     couplings = [*_known_couplings(study), *map(list, diagnosis.couplings)]
     content["robot"] = {"payload": payload, "gains": gains, "couplings": couplings}
-    content["robot"] |= {"delays": _delays(diagnosis)} if _delays(diagnosis) else {}
+    content["robot"] |= _delays(diagnosis)
     content["robot"] |= {"tilt": _tilt(diagnosis)} if _tilt(diagnosis) else {}
     return {
         "verdict": verdict(diagnosis),
@@ -77,12 +77,12 @@ def diagnosed_json(diagnosis: ArmDiagnosis, text: str, source: str, data: list[s
 
 
 def effects_named(diagnosis: ArmDiagnosis) -> dict[int, list[str]]:
-    """Return the effects that are named in each joint."""
+    """Return the effects that are named in each joint; delays are no effects."""
     named: dict[int, list[str]] = {}
     for missing in diagnosis.missing:
         named.setdefault(missing.joint, []).append(missing.effect)
     for found in diagnosis.found:
-        if found.key.at >= 0:
+        if found.key.at >= 0 and found.key.law != DELAY:
             named.setdefault(found.key.at, []).append(found.key.law)
     return named
 
@@ -194,12 +194,10 @@ def _known_couplings(study: Study) -> list[list[str]]:
 
 def _delays(diagnosis: ArmDiagnosis) -> dict[str, Any]:
     """Return by how many seconds efforts are recorded later than the motion, by joint, or of all."""
-    names = diagnosis.comparison.study.names
-    return {
-        names[f.key.at] if f.key.at >= 0 else "all": _value(float(f.values[0]), float(f.errors[0]), "s")
-        for f in diagnosis.found
-        if f.key.law == DELAY
-    }
+    late = {f.key.at: f for f in diagnosis.found if f.key.law == DELAY}
+    names = {-1: "all", **dict(enumerate(diagnosis.comparison.study.names))}
+    found = {names[at]: _value(float(f.values[0]), float(f.errors[0]), "s") for at, f in late.items()}
+    return {"delays": found} if found else {}
 
 
 def _tilt(diagnosis: ArmDiagnosis) -> dict[str, Any]:
@@ -311,7 +309,7 @@ def sentence(study: Study, found: SearchResult) -> str:
     """Return the sentence on a law, its size and its gain."""
     key, value = found.key, float(found.values[0])
     i = key.at if key.at >= 0 else int(np.nanargmax(np.log(found.before / found.after)))
-    whose = "its effort is" if key.at >= 0 else "all efforts are"
+    whose = f"the effort of {study.names[key.at]} is" if key.at >= 0 else "all efforts are"
     what = {
         DELAY: f"{whose} recorded {1e3 * abs(value):.2g} ± {1e3 * float(found.errors[0]):.1g} ms "
         f"{'later' if value > 0 else 'earlier'} than the motion",
@@ -359,9 +357,10 @@ def sentences(diagnosis: ArmDiagnosis) -> list[str]:
 
 
 def _whys(diagnosis: ArmDiagnosis) -> list[tuple[int, str]]:
-    """Return the joint (-1: the robot) and the sentence of every law, left out ones of the file first."""
+    """Return the place (-1: the robot, all delays) and the sentence of every law, left out ones of the file first."""
     entries, found, study = _ranking(diagnosis), diagnosis.found, diagnosis.comparison.study
-    said = [(f.key.at, e["why"] + _or(study, f)) for f, e in zip(found, entries, strict=False)]
+    places = [-1 if f.key.law == DELAY else f.key.at for f in found]
+    said = [(at, e["why"] + _or(study, f)) for at, f, e in zip(places, found, entries, strict=False)]
     missing = [(m.joint, e["why"]) for m, e in zip(diagnosis.missing, entries[len(found) :], strict=True)]
     return [*missing, *said]
 
