@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.arms.consistent import consistent
 from signlin_ros.arms.fit import CoefficientEstimate, fit
 from signlin_ros.arms.laws import across_gravity, force, unit_of
 from signlin_ros.arms.piece import BLOCK, EDGE, ArmSegment
@@ -26,6 +27,8 @@ from signlin_ros.robots import Robot, inverse_dynamics
 Array = NDArray[np.float64]
 WINDOW = 0.15
 """Seconds that are simulated from each measured state."""
+RUNAWAY = 3.0
+"""Times a joint's fastest measured velocity at which it is held: a law that drives its joint there is wrong by that."""
 SWEEPS = 12
 """Times that the impulses of dry friction are corrected in a step."""
 NOT_SIMULATED = ("compliant_load",)
@@ -85,16 +88,18 @@ class _Sample:
 
 
 class ForwardModel:
-    """An estimate as a forward model: bodies, motors, friction."""
+    """An estimate as a forward model: bodies that exist, motors, friction."""
 
     def __init__(self, state: State, estimate: CoefficientEstimate) -> None:
+        carried = np.zeros(state.robot.pi.size) + state.carried
+        estimate = replace(estimate, theta=consistent(estimate, state.robot.pi, carried))
         values = dict(zip(estimate.design.names, estimate.theta.tolist(), strict=True))
         n, self.P = state.robot.n, state.rows.pieces[0].motors
         across, down = across_gravity(state.robot)
         tilt = [values.get(f"tilt.{axis}", 0.0) for axis in ("x", "y")]
         self.robot: Robot = replace(state.robot, gravity=state.robot.gravity + down * (np.array(tilt) @ across))
         self.pi = state.body(estimate)
-        inertias = np.array([values.get(f"{i}.motor_inertia", 0.0) for i in range(n)])
+        inertias = np.array([max(values.get(f"{i}.motor_inertia", 0.0), 0.0) for i in range(n)])
         self.motors = self.P[:n].T @ (inertias[:, None] * self.P[:n])
         self.shown = np.array([1.0 + values.get(f"{i}.sensor_gain", 0.0) for i in range(n)])
         self.laws = state.friction(estimate)
@@ -122,8 +127,10 @@ class ForwardModel:
         dry = 0.5 * (sides[0] - sides[1])
         return 0.5 * (sides[0] + sides[1]) + np.minimum(dry, 0.0) * np.sign(speed), np.maximum(dry, 0.0)
 
-    def velocities(self, q: Array, v: Array, a: Array, tau: Array, h: float) -> Array:
-        """Return velocities (S, W, n) after each of S steps of h s under efforts tau (S, W, n), from a state (W, n)."""
+    def velocities(self, q: Array, v: Array, a: Array, tau: Array, h: float, fastest: Array | float = np.inf) -> Array:
+        """Return velocities (S, W, n) after each of S steps of h s under efforts tau (S, W, n), from a state (W, n);
+        they are held within ``fastest`` (n,).
+        """
         found, scaled = [], self.P / self.shown
         for effort in tau:
             middle = q + 0.5 * h * v
@@ -135,7 +142,7 @@ class ForwardModel:
             always, dry = self.friction(middle, v, load)
             free = v + h * np.einsum("wij,wj->wi", inverse, effort / self.shown - bias - always @ scaled)
             impulse = _impulses(free @ self.P.T, G, h * dry)
-            new = free - np.einsum("wij,wj->wi", inverse, impulse @ scaled)
+            new = np.clip(free - np.einsum("wij,wj->wi", inverse, impulse @ scaled), -fastest, fastest)
             a, q, v = (new - v) / h, middle + 0.5 * h * new, new
             found.append(v)
         return np.array(found)
@@ -163,7 +170,8 @@ def ahead(state: State, estimate: CoefficientEstimate) -> Ahead:
         tau = low_pass(piece.run.tau, min(2.0 * piece.band, 0.4 / piece.run.step), piece.run.step)[::every]
         at = starts[None, :] + np.arange(steps)[:, None]
         between = 0.5 * (tau[at] + tau[at + 1])
-        shown = model.velocities(piece.q[starts], piece.v[starts], piece.a[starts], between, piece.step)
+        start = piece.q[starts], piece.v[starts], piece.a[starts]
+        shown = model.velocities(*start, between, piece.step, RUNAWAY * np.abs(piece.v).max(axis=0))
         squares.append(np.mean((shown - piece.v[at + 1]) ** 2, axis=0))
         near = (starts * piece.step / max(BLOCK, 2.0 / piece.band)).astype(int)
         blocks.append(count + near)

@@ -1,6 +1,6 @@
 """Short forward simulations of unseen motion: right against the exact simulation, and what they say of a law."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -21,6 +21,16 @@ MODEL, STEP = small(), 0.002
 N = MODEL.robot.n
 
 
+@dataclass
+class Estimate:
+    """Coefficients by name, the bodies those of the file."""
+
+    design: SimpleNamespace
+    theta: np.ndarray
+    pi = MODEL.robot.pi
+    rows = SimpleNamespace(n=N)
+
+
 def forward(terms=(), **more):
     """Return the forward model of the small arm as its file has it, with more laws and columns."""
     values = {
@@ -35,6 +45,7 @@ def forward(terms=(), **more):
     pieces = [SimpleNamespace(motors=MODEL.arm_plant.places)]
     state = SimpleNamespace(
         robot=MODEL.robot,
+        carried=0.0,
         rows=SimpleNamespace(pieces=pieces),
         friction=lambda _: (
             [(i, law, 0.0, values.get(f"{i}.{law.effect}.{law.linear}", 0.0)) for i, law in basic]
@@ -42,7 +53,7 @@ def forward(terms=(), **more):
         ),
         body=lambda _: MODEL.robot.pi,
     )
-    estimate = SimpleNamespace(design=SimpleNamespace(names=tuple(values)), theta=np.array(list(values.values())))
+    estimate = Estimate(SimpleNamespace(names=tuple(values)), np.array(list(values.values())))
     return ForwardModel(state, estimate)
 
 
@@ -64,6 +75,15 @@ def test_windows_follow_the_models_exact_simulation():
     shown = forward().velocities(start[None, :N], start[None, N:], np.zeros((1, N)), u[:-1, None], STEP)
     left = np.sqrt(np.mean((shown[:, 0] - velocities[1:]) ** 2, axis=0))
     assert (left < 0.02 * velocities.std(axis=0)).all()
+
+
+def test_what_runs_away_is_held():
+    key = Key("cubic_viscous_friction", 1)
+    model = forward([(key, next(law for law in EXTRA if law.effect == key.law))], **{"1.cubic_viscous_friction": -5.0})
+    q, v, tau = np.zeros((2, N)), np.full((2, N), 2.0), np.zeros((40, 2, N))
+    shown = model.velocities(q, v, np.zeros((2, N)), tau, 0.01, np.full(N, 6.0))
+    assert np.isfinite(shown).all()
+    assert np.abs(shown).max() == 6.0
 
 
 def test_dry_friction_holds_what_it_can_hold():
