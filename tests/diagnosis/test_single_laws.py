@@ -27,7 +27,7 @@ def index_of(plant: str, law: str, variant: str = "") -> int:
 
 
 @pytest.mark.skipif(not BENCHMARK.is_dir(), reason=f"no records in {BENCHMARK}; set SIGNLIN_DATA")
-@pytest.mark.long  # drawn loops are named alone in test_loops; this record is fitted in test_input_hold
+@pytest.mark.long  # drawn loops: below and in test_loops; this record is fitted in test_input_hold
 def test_the_benchmark_of_hysteresis_is_one_loop(tmp_path):
     """Noël and Schoukens: m 2, c 10, k 5e4 and z' = 5e4 v - 1e3 (0.8 |v| z - 1.1 v |z|), so alpha 0.5, gamma < 0."""
     path = tmp_path / "nominal.yaml"
