@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar
 
@@ -88,6 +88,23 @@ class OfColumns(Check):
         return replace(f, severity="refuse", sentence=why)
 
 
+class OfRecordsTogether(Check):
+    """A check of columns that all records with them decide together: each gets the same findings."""
+
+    def found(self, looks: Sequence[Look]) -> Iterator[Finding]:
+        """Yield what one or more records with the same columns show."""
+        raise NotImplementedError
+
+    def find(self, look: Look) -> Iterator[Finding]:
+        """Yield the findings in one record."""
+        yield from self.found([look])
+
+    def find_each(self, looks: Sequence[Look]) -> list[list[Finding]]:
+        """Return the findings of all records, for each of them."""
+        found = list(self.found(looks)) if looks else []
+        return [list(found) for _ in looks]
+
+
 def _as_in(f: Finding, look: Look) -> Finding:
     return replace(f, sentence=f"{f.sentence} (as in {look.record.source}, whose columns are the same)")
 
@@ -155,4 +172,14 @@ def _start(measured: dict[str, Array], states: tuple[str, ...]) -> Array | None:
     return frozen(np.array([measured[name][0] for name in states])) if known else None
 
 
-__all__ = ["Check", "OfColumns", "changed", "timed", "values_of", "with_channel", "without_channel", "without_samples"]
+__all__ = [
+    "Check",
+    "OfColumns",
+    "OfRecordsTogether",
+    "changed",
+    "timed",
+    "values_of",
+    "with_channel",
+    "without_channel",
+    "without_samples",
+]

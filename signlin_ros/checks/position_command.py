@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros import units
-from signlin_ros.checks.base import OfColumns
+from signlin_ros.checks.base import OfRecordsTogether
 from signlin_ros.checks.finding import Finding
 from signlin_ros.checks.look import MIN_SAMPLES, Look
 from signlin_ros.checks.tracking import proportion, stated, strictness, tracks
@@ -22,7 +22,7 @@ COMMAND_UNITS = {"": 1.0, "degrees": 57.29577951308232, "turns": 0.1591549430918
 """What a commanded angle is in, and how many of it a rad is."""
 
 
-class PositionCommand(OfColumns):
+class PositionCommand(OfRecordsTogether):
     """The input is a position that was commanded, since nothing else was recorded of a servo: the position settles at
     the input's own number.
 
@@ -37,18 +37,8 @@ class PositionCommand(OfColumns):
     name = "position_command"
     needs_time = True
 
-    def find(self, look: Look) -> Iterator[Finding]:
-        """Yield the input of one record."""
-        yield from self._found([look])
-
-    def find_each(self, looks: Sequence[Look]) -> list[list[Finding]]:
-        """Return the findings of all records with the same columns together."""
-        found = list(self._found(looks))
-        return [list(found) for _ in looks]
-
-    def _found(self, looks: Sequence[Look]) -> Iterator[Finding]:
-        if not looks:
-            return
+    def found(self, looks: Sequence[Look]) -> Iterator[Finding]:
+        """Yield the input, where it is such a command."""
         look = looks[0]
         model, q = look.model, look.position
         usable = [one for one in looks if q in one.channels and one.t.size >= MIN_SAMPLES]

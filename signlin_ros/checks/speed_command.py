@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from signlin_ros import units
-from signlin_ros.checks.base import OfColumns
+from signlin_ros.checks.base import OfRecordsTogether
 from signlin_ros.checks.finding import Finding
 from signlin_ros.checks.look import MIN_SAMPLES, Look
 from signlin_ros.checks.tracking import stated, strictness, tracks
@@ -16,7 +16,7 @@ OWN_GAIN = 2.0
 """Within this factor of it an input's own number is what the model itself leads to: then it is believed."""
 
 
-class SpeedCommand(OfColumns):
+class SpeedCommand(OfRecordsTogether):
     """The input is the set point of a speed loop: the velocity settles at the input's own number, in some unit.
 
     Test: as of a commanded position (`signlin_ros.checks.position_command`), of the velocity; and the model, driven by
@@ -30,18 +30,8 @@ class SpeedCommand(OfColumns):
     needs_time = True
     needs_input = True
 
-    def find(self, look: Look) -> Iterator[Finding]:
-        """Yield the input of one record."""
-        yield from self._found([look])
-
-    def find_each(self, looks: Sequence[Look]) -> list[list[Finding]]:
-        """Return the findings of all records with the same columns together."""
-        found = list(self._found(looks))
-        return [list(found) for _ in looks]
-
-    def _found(self, looks: Sequence[Look]) -> Iterator[Finding]:
-        if not looks:
-            return
+    def found(self, looks: Sequence[Look]) -> Iterator[Finding]:
+        """Yield the input, where it is such a command."""
         look = looks[0]
         model, v = look.model, look.velocity
         usable = [one for one in looks if v in one.channels and one.t.size >= MIN_SAMPLES]
