@@ -22,7 +22,6 @@ class TorqueRipple(Effect):
     angular = True
     family = "waves"
     proposed = False  # it is found wave by wave, from a single one on
-    turning = ("A", "phi")
     several = ("orders", "A", "phi")
     telling = ("A",)
 
