@@ -103,4 +103,4 @@ def test_what_shares_a_file_stays_in_one_worker(request):
     """Groups are told by the names of tests: a pytest that xdist does not know yet hands out each by itself."""
     if not getattr(request.config.option, "loadgroup", False):
         pytest.skip("tests run in one process, or without groups")
-    assert request.node.nodeid.endswith("@unit/test_once.py")
+    assert request.node.nodeid.rpartition("@")[2] in ("unit/test_once.py", "tests/unit/test_once.py")
