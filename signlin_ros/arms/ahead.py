@@ -100,8 +100,8 @@ class ForwardModel:
         self.robot: Robot = replace(state.robot, gravity=state.robot.gravity + down * (np.array(tilt) @ across))
         self.pi = state.body(estimate)
         inertias = np.array([max(values.get(f"{i}.motor_inertia", 0.0), 0.0) for i in range(n)])
-        self.motors = self.P[:n].T @ (inertias[:, None] * self.P[:n])
         self.shown = np.array([1.0 + values.get(f"{i}.sensor_gain", 0.0) for i in range(n)])
+        self.motors = self.P[:n].T @ (inertias[:, None] * self.P[:n]) / self.shown[:, None]
         self.laws = state.friction(estimate)
 
     def mass(self, q: Array) -> Array:

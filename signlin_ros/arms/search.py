@@ -219,7 +219,7 @@ def settled(state: State, estimate: CoefficientEstimate | None = None) -> Coeffi
     """Return the fit of all that is in the model, the loads of its friction being its own."""
     for _ in range(2):
         estimate = fit(state.design(state.loads(estimate)), state.rows, state.new)
-        if not any(law is not None and law.effect == "load_dependent_friction" for _, law in state.terms):
+        if not any(law is None or law.loaded for _, law in state.terms):
             break
     return estimate  # type: ignore[return-value]
 
