@@ -13,6 +13,7 @@ from signlin_ros.arms.search import DELAY, Key, SearchResult
 from signlin_ros.arms.study import Study, unseen_noise
 from signlin_ros.arms.verbs import ArmComparison, ArmDiagnosis, MissingLaw
 from signlin_ros.effects import find_effect
+from signlin_ros.plants.arm import GAIN_PARAMETER
 from signlin_ros.plants.joint import joint_plant
 from signlin_ros.recording.trace import resolve_unit
 
@@ -66,6 +67,7 @@ def diagnosed_json(diagnosis: ArmDiagnosis, text: str, source: str, data: list[s
     content["robot"] = {"payload": payload, "gains": gains, "couplings": couplings}
     content["robot"] |= _delays(diagnosis)
     content["robot"] |= {"tilt": _tilt(diagnosis)} if _tilt(diagnosis) else {}
+    content["notes"] += unwritten(diagnosis)
     return {
         "verdict": verdict(diagnosis),
         **content,
@@ -218,6 +220,23 @@ def urdf_notes(study: Study) -> list[str]:
         f"URDF: the body that {name} carries cannot exist: its pseudo-inertia has the eigenvalue {value:.2g} kg·m²"
         for name, value in study.robot.inconsistent().items()
     ]
+
+
+def unwritten(diagnosis: ArmDiagnosis) -> list[str]:
+    """Return sentences on the laws that are told, and that the model which is written has not: its row lacks them."""
+    study, found = diagnosis.comparison.study, list[str]()
+    for f in diagnosis.found:
+        name = study.names[f.key.at] if f.key.at >= 0 else ""
+        if f.key.law == "sensor_gain":
+            gain = study.model.parameters[f"{name}.{GAIN_PARAMETER}"]
+            right = gain / (1.0 + float(f.values[0]))
+            found.append(
+                f"{name}: the model that is written keeps effort.gain {gain:.4g}, and its row is without the gain that "
+                f"was found; write effort: {{gain: {right:.4g}}} into the file and repeat"
+            )
+        elif f.key.law == "compliant_load":
+            found.append(f"{name}: its elastic gear is told, and not in the model that is written: its row lacks it")
+    return found
 
 
 def name_of(study: Study, key: Key) -> str:
@@ -394,6 +413,7 @@ __all__ = [
     "effects_named",
     "name_of",
     "sentences",
+    "unwritten",
     "urdf_notes",
     "verdict",
 ]

@@ -11,7 +11,7 @@ import pytest
 from signlin_ros.arms.data import ArmRun, effort_step
 from signlin_ros.arms.laws import EXTRA, Loads, column, force
 from signlin_ros.arms.piece import ArmSegment, RegressionRows
-from signlin_ros.arms.told import compared_json, diagnosed_json, effects_named, sentences
+from signlin_ros.arms.told import compared_json, diagnosed_json, effects_named, sentences, unwritten
 from signlin_ros.arms.verbs import add, compare, diagnose
 from signlin_ros.cli import main
 from signlin_ros.errors import ModelError
@@ -116,6 +116,8 @@ def test_a_wrong_gain_is_told_from_friction_and_its_neighbour_is_left_in_peace(n
     found = diagnose(MODEL, [wrong[0]], [wrong[1]], BAND)
     assert set(named(found)) == {"shoulder"}
     assert named(found)["shoulder"][0] == "sensor_gain"
+    (note,) = unwritten(found)  # the written model's row is without it
+    assert float(note.rpartition("{gain: ")[2].partition("}")[0]) == pytest.approx(1.0 / 1.25, rel=0.05)
 
 
 def test_a_coupling_that_the_file_does_not_have_is_named_on_both_joints():
