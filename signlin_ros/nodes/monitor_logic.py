@@ -320,8 +320,12 @@ class MonitorLogic:
         """Return the mean input (PARTS, m) in each part of a period that begins at ``start`` ns."""
         delay = round((self.model.delay if self.model else 0.0) * NANO)
         edges = start - delay + np.linspace(0, period, PREDICTION_PARTS * 4 + 1)[:-1]
-        stamps = np.array([stamp for stamp, _ in self._inputs])
-        values = np.array([value for _, value in self._inputs])
+        heard = list[tuple[int, Array]]()
+        for one in reversed(self._inputs):  # of minutes that are kept, those of one period
+            heard.append(one)
+            if one[0] <= edges[0]:
+                break
+        stamps, values = np.array([stamp for stamp, _ in heard[::-1]]), np.array([value for _, value in heard[::-1]])
         at = np.maximum(np.searchsorted(stamps, edges, side="right") - 1, 0)
         return np.asarray(values[at].reshape(PREDICTION_PARTS, 4, -1).mean(axis=1))
 
