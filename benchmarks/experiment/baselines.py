@@ -7,16 +7,15 @@ record; both laws of the tie are refitted to these. Right: the true one is ahead
 
 from __future__ import annotations
 
-import argparse
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from benchmarks.experiment.machines import each_machine
 from benchmarks.experiment.run import beyond, margin, read
-from benchmarks.experiment.ties import TIES, Array, Tie, chirp, multisine
+from benchmarks.experiment.ties import Array, Tie, chirp, multisine
 from signlin_ros.experiment.naming import with_named
 from signlin_ros.experiment.plan import ExperimentPlan
 from signlin_ros.experiment.search import NEEDED_EVIDENCE
@@ -57,19 +56,7 @@ def case(tie: Tie, which: int, seed: int, folder: Path) -> dict[str, Any]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--folder", type=Path, default=Path("experiment"))
-    parser.add_argument("--only", nargs="*", default=[], help="names of machines in the folder")
-    parser.add_argument("--output", type=Path, default=Path("baselines.jsonl"))
-    chosen = parser.parse_args()
-    ties, rows = {t.key: t for t in (make() for make in TIES)}, []
-    done = {path.parent for path in chosen.folder.glob("*/next.csv")}
-    for folder in sorted(p for p in done if not chosen.only or p.name in chosen.only):
-        key, which, seed = folder.name.rsplit("_", 2)
-        rows.append(case(ties[key], int(which), int(seed), folder))
-        with chosen.output.open("a") as stream:
-            stream.write(json.dumps(rows[-1]) + "\n")
-        print(json.dumps(rows[-1]), flush=True)
+    rows = each_machine(case, __doc__, "baselines.jsonl")
     for name in [n for n in rows[0] if n not in ("tie", "true", "seed")] if rows else []:
         values = np.array([row[name] for row in rows])
         right, wrong = int(np.sum(values > NEEDED_EVIDENCE)), int(np.sum(values < -NEEDED_EVIDENCE))

@@ -7,15 +7,14 @@ as the plan and at a ladder of sizes within the limits.
 
 from __future__ import annotations
 
-import argparse
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from benchmarks.experiment.machines import each_machine
 from benchmarks.experiment.run import read
-from benchmarks.experiment.ties import TIES, Tie
+from benchmarks.experiment.ties import Tie
 from signlin_ros.experiment.families import COMMAND_FAMILIES, LADDER, asked_by
 from signlin_ros.experiment.limits import limits_of
 from signlin_ros.experiment.naming import with_named
@@ -51,19 +50,7 @@ def case(tie: Tie, which: int, seed: int, folder: Path) -> dict[str, Any]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--folder", type=Path, default=Path("experiment"))
-    parser.add_argument("--only", nargs="*", default=[], help="names of machines in the folder")
-    parser.add_argument("--output", type=Path, default=Path("texts.jsonl"))
-    chosen = parser.parse_args()
-    ties, rows = {t.key: t for t in (make() for make in TIES)}, []
-    done = {path.parent for path in chosen.folder.glob("*/next.csv")}
-    for folder in sorted(p for p in done if not chosen.only or p.name in chosen.only):
-        key, which, seed = folder.name.rsplit("_", 2)
-        rows.append(case(ties[key], int(which), int(seed), folder))
-        with chosen.output.open("a") as stream:
-            stream.write(json.dumps(rows[-1]) + "\n")
-        print(json.dumps(rows[-1]), flush=True)
+    rows = each_machine(case, __doc__, "texts.jsonl")
     reach = [row for row in rows if row["texts"] >= ENOUGH]
     print(f"{ENOUGH:g} by the plan, where a text has it: {sum(r['plan'] >= ENOUGH for r in reach)} of {len(reach)}")
     as_good = sum(row["plan"] >= PART_OF_BEST * row["same_peak"] for row in rows)

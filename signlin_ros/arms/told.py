@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -372,7 +372,7 @@ def sentences(diagnosis: ArmDiagnosis) -> list[str]:
             rest = f"{table.model[i]:.3g} {unit} of {efforts[i]:.3g} are left"
             said = [f"nothing listed is missing; {rest}" + (", unexplained" if left[i] else "")]
         lines.append(f"{name}: {'; '.join(said)}")
-    return [*lines, f"robot: {_robot(diagnosis)}"]
+    return [*lines, f"robot: {_robot(diagnosis, told)}"]
 
 
 def _whys(diagnosis: ArmDiagnosis) -> list[tuple[int, str]]:
@@ -389,10 +389,10 @@ def _or(study: Study, found: SearchResult) -> str:
     return f" (or {', '.join(rivals)}: as good)" if rivals else ""
 
 
-def _robot(diagnosis: ArmDiagnosis) -> str:
+def _robot(diagnosis: ArmDiagnosis, told: Sequence[tuple[int, str]]) -> str:
     study = diagnosis.comparison.study
     said = [f"{a} and {b} are coupled: one motor turns with both" for a, b in diagnosis.couplings]
-    said += [why for at, why in _whys(diagnosis) if at < 0]
+    said += [why for at, why in told if at < 0]
     if diagnosis.only_payload and diagnosis.payload:
         value, error, unit = diagnosis.payload["m"]
         said.append(f"payload on {study.payload_link}: {value:.3g} ± {error:.2g} {unit}, nothing else fitted")

@@ -325,9 +325,9 @@ def _alike_and_no_simpler(evidence: Evidence, now: FittedModel, other: FittedMod
     """Tell whether ``other`` errs by what a table shows for ``now``, with no fewer effects and parameters: differences
     that no table shows may be of one sign in every block, as where both are the same law.
     """
-    alike = evidence.output_error.improvement(now, other).rmse_ratios > 1.0 - evidence.criteria.visible_change
+    alike = evidence.output_error.improvement(now, other).falls_by_less(evidence.criteria.visible_change)
     simpler = (len(other.effects), other.n_parameters) < (len(now.effects), now.n_parameters)
-    return bool(alike.all()) and not simpler and (now.white or not other.white)
+    return alike and not simpler and (now.white or not other.white)
 
 
 def _simplest(evidence: Evidence, options: Sequence[FittedModel]) -> FittedModel | None:

@@ -136,6 +136,11 @@ class Effect(HasPars):
         return []
 
     @classmethod
+    def order_names(cls) -> tuple[str, ...]:
+        """Return the names under which orders of waves over the position are declared."""
+        return (*cls.periodic[:1], *cls.several[:1])
+
+    @classmethod
     def waves(cls, p: Mapping[str, float]) -> list[tuple[float, float, float]]:
         """Return (order, amplitude, phase) of the waves over the position that it is the sum of; none of another."""
         if cls.several:

@@ -246,8 +246,7 @@ def _effect_coordinates(problem: Problem, model: Model, key: str) -> list[Coordi
     use = model.effects[key]
     effect, result = EFFECTS[use.type], []
     for name, value in use.parameters.items():
-        orders = (*effect.periodic[:1], *effect.several[:1])
-        par, full, order = effect.pars()[name], f"{key}.{name}", declared_name(name) in orders
+        par, full, order = effect.pars()[name], f"{key}.{name}", declared_name(name) in effect.order_names()
         if declared_name(name) in effect.held or par.structural or full not in model.trace.parameters:
             continue
         if order and problem.turns:

@@ -179,8 +179,7 @@ class Decisions:
     def as_good(self, best: FittedModel, other: FittedModel) -> bool:
         """Tell whether a model is as good as the best: within a standard error, or what a table shows."""
         g = self.improvement(other, best)
-        alike = bool((g.rmse_ratios > 1.0 - self.criteria.visible_change).all())
-        return other is best or g.t_ratio < self.criteria.tie_t or alike
+        return other is best or g.t_ratio < self.criteria.tie_t or g.falls_by_less(self.criteria.visible_change)
 
 
 def _has_simpler_law(one: FittedModel, other: FittedModel) -> bool:

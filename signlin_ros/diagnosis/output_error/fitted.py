@@ -150,7 +150,7 @@ class FittedModel:
     def n_parameters(self) -> int:
         """Number of parameters beyond those of the model as given, with the whole orders that were chosen for waves."""
         added = [one for one in self.coordinates if one.key in self.kind]
-        orders = {n for use in self.added.values() for n in _orders(EFFECTS[use.type])}
+        orders = {n for use in self.added.values() for n in EFFECTS[use.type].order_names()}
         return len({one.k.name for one in added if declared_name(one.name) not in orders}) + len(self.wave_orders)
 
     @property
@@ -188,7 +188,7 @@ class FittedModel:
         effect = EFFECTS[self.added[key].type if key in self.added else key.partition(".")[0]]
         if key in self.implausible:
             return phrases.not_real(key)
-        told, where = (*effect.telling, *effect.essential), {*effect.turning[1:], *_orders_and_phases(effect)}
+        told, where = (*effect.telling, *effect.essential), _orders_and_phases(effect)
         of_key = ((i, one) for i, one in enumerate(self.coordinates) if one.key == key)
         own = {i: one for i, one in of_key if declared_name(one.name) not in where}
         moving = {i: one for i, one in own.items() if np.isfinite(one.std) or declared_name(one.name) in told}
@@ -219,7 +219,7 @@ class FittedModel:
         """
         cls, sizes = EFFECTS[effect], [np.inf]
         keys = {k for k, use in self.added.items() if use.type == effect} or set(self.kind)
-        where = {*cls.turning[1:], *_orders_and_phases(cls)}
+        where = _orders_and_phases(cls)
         own = {
             one.name: (i, one)
             for i, one in enumerate(self.coordinates)
@@ -240,14 +240,9 @@ class FittedModel:
         return float(np.sqrt(min(squared_distance(apart, c[np.ix_(index, index)]) for c in self.covariances)))
 
 
-def _orders(effect: type[Effect]) -> tuple[str, ...]:
-    """Return the names under which an effect declares orders of waves."""
-    return (*effect.periodic[:1], *effect.several[:1])
-
-
 def _orders_and_phases(effect: type[Effect]) -> tuple[str, ...]:
-    """Return the names of orders, and of the phases of several waves: neither tells of an effect's size."""
-    return (*_orders(effect), *effect.several[2:])
+    """Return the names of an effect's orders and phases, which tell nothing of its size."""
+    return (*effect.order_names(), *effect.turning[1:], *effect.several[2:])
 
 
 def coordinates_of(f: Fit, covariances: Sequence[Array]) -> tuple[FittedCoordinate, ...]:

@@ -49,6 +49,10 @@ class Improvement:
         """
         return bool(((self.t_ratios < -worse) & (self.rmse_ratios > 1.0 + alike)).any())
 
+    def falls_by_less(self, alike: float) -> bool:
+        """Tell whether no channel's RMS falls by a part ``alike``."""
+        return bool((self.rmse_ratios > 1.0 - alike).all())
+
 
 def improvement(before: Array, after: Array, noise: Array) -> Improvement:
     """Compare two models by their mean squared errors (blocks, channels); ``noise`` (channels) of the sensors.

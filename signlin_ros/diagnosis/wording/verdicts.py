@@ -139,7 +139,8 @@ def _unsure(evidence: Evidence, verdict: Verdict) -> str:
     one that would leave but noise, and of which the records hold too little.
     """
     motion, c, found = evidence.output_error, evidence.criteria, dict[str, float]()
-    for name, why in unidentified(evidence).items():
+    if whole := unidentified(evidence):
+        name, why = next(iter(whole.items()))
         return phrases.too_little(f"{listed([name])} would leave nothing but noise", why)
     for f in sorted(evidence.single_effect_fits, key=lambda f: f.n_parameters):
         g, certainty, part = (

@@ -71,7 +71,7 @@ def labelled(text: str) -> tuple[str, Note] | None:
     for name in names:
         values, unit = _of_label([one.get(name) for one in found])
         columns.append(values)
-        heads.append(quoted(with_unit(name, unit)))
+        heads.append(header_cell(with_unit(name, unit)))
     lost = len(lines) - len(found)
     said = f"values with labels: {', '.join(heads)}" + (f"; {lost} other lines are left out" if lost else "")
     return table_text(",".join(heads), columns), Note(said, "format")
@@ -188,7 +188,7 @@ def table_text(header: str, columns: Iterable[Array]) -> str:
     return "\n".join([header, *map(",".join, zip(*cells, strict=True))]) + "\n"
 
 
-def quoted(name: str) -> str:
+def header_cell(name: str) -> str:
     """Return a name as a cell of a header."""
     return '"' + name.replace('"', "'") + '"' if "," in name else name
 
@@ -198,4 +198,4 @@ def with_unit(name: str, unit: str) -> str:
     return f"{name} [{unit}]" if unit.strip() and "[" not in name else name
 
 
-__all__ = ["labelled", "quoted", "stamped", "table_text", "with_unit"]
+__all__ = ["header_cell", "labelled", "stamped", "table_text", "with_unit"]

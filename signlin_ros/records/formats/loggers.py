@@ -22,7 +22,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from signlin_ros.records.formats.labels import labelled, quoted, stamped, table_text, with_unit
+from signlin_ros.records.formats.labels import header_cell, labelled, stamped, table_text, with_unit
 from signlin_ros.records.header import heading
 from signlin_ros.records.notes import Note
 
@@ -89,7 +89,7 @@ def _table(tracks: Sequence[Track], what: str, time: str = "t [s]") -> Plain | N
         return None
     first = tracks[0][1]
     said = f"{what}: {', '.join(name for name, _, _ in tracks)}"
-    header = ",".join([time, *(quoted(name) for name, _, _ in tracks)])
+    header = ",".join([time, *(header_cell(name) for name, _, _ in tracks)])
     if all(t.size == first.size and np.array_equal(t, first) for _, t, _ in tracks):
         rows, columns = first, [y for _, _, y in tracks]
     else:
@@ -120,7 +120,7 @@ def _labview(lines: Sequence[str]) -> Plain | None:
     whole = [(name, np.concatenate(t), np.concatenate(y)) for name, (t, y) in tracks.items()]
     one = bool(whole) and all(np.array_equal(t, whole[0][1]) for _, t, _ in whole)
     if one:
-        header = ",".join(["t [s]", *(quoted(name) for name, _, _ in whole)])
+        header = ",".join(["t [s]", *(header_cell(name) for name, _, _ in whole)])
         said = f"a LabVIEW measurement file: {', '.join(name for name, _, _ in whole)}"
         return table_text(header, [whole[0][1], *(y for _, _, y in whole)]), Note(said, "format")
     return _table(whole, "a LabVIEW measurement file")
@@ -272,9 +272,9 @@ def _listed(text: str) -> Plain | None:
     lists = [k for k, cell in enumerate(rows[0]) if cell.strip().startswith("[")]
     sizes = {k: len(_numbers_in(rows[0][k])) for k in lists}
     names = [f"{name}[{i}]" if k in sizes else name for k, name in enumerate(head) for i in range(sizes.get(k, 1))]
-    lines = [",".join(map(quoted, names))]
+    lines = [",".join(map(header_cell, names))]
     for row in rows:
-        cells = [_numbers_in(cell) if k in sizes else [quoted(cell)] for k, cell in enumerate(row)]
+        cells = [_numbers_in(cell) if k in sizes else [header_cell(cell)] for k, cell in enumerate(row)]
         good = len(row) == len(head) and all(len(cells[k]) == sizes[k] for k in lists)
         lines.append(",".join(c for cell in cells for c in cell) if good else "")
     lost = lines.count("")
