@@ -169,21 +169,32 @@ def _hidden(values: Array, begins: Index, ends: Index) -> Array:
     return np.asarray(aside / 8.0)
 
 
+def _ends_of_runs(at: Mask) -> tuple[Index, Index]:
+    """Return where the runs of a mask (T,) begin, and where they have ended."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], at, [False]]).astype(int)))
+    return edges[::2], edges[1::2]
+
+
+def _marked(size: int, begins: Index, ends: Index) -> Mask:
+    """Return the samples (size,) of some runs."""
+    found = np.zeros(size, dtype=bool)
+    for begin, end in zip(begins, ends, strict=True):
+        found[begin:end] = True
+    return found
+
+
 def _long(at: Mask) -> Mask:
     """Return the samples (T,) in runs of `RUN` and more."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], at, [False]]).astype(int)))
-    kept = np.zeros(at.size, dtype=bool)
-    for begin, end in zip(edges[::2], edges[1::2], strict=True):
-        kept[begin:end] = end - begin >= RUN
-    return kept
+    begins, ends = _ends_of_runs(at)
+    long = ends - begins >= RUN
+    return _marked(at.size, begins[long], ends[long])
 
 
 def _runs(values: Array, at: Mask, quantum: float, step: float) -> Mask:
     """Return which of the samples at a limit (T,) stand in runs that are entered at full pace, and in which a smooth
     turn would have gone on for more than a step of the sensor.
     """
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], at, [False]]).astype(int)))
-    begins, ends = edges[::2], edges[1::2]
+    begins, ends = _ends_of_runs(at)
     long = ends - begins >= RUN
     kept = np.zeros(values.size, dtype=bool)
     if not long.any():
@@ -205,9 +216,7 @@ def _runs(values: Array, at: Mask, quantum: float, step: float) -> Mask:
     cut = ~_rests(values, begins, ends, step)
     if not cut[inside].any():
         return kept
-    for begin, end in zip(begins[cut], ends[cut], strict=True):
-        kept[begin:end] = True
-    return kept
+    return _marked(values.size, begins[cut], ends[cut])
 
 
 def _rests(values: Array, begins: Index, ends: Index, step: float) -> Mask:
@@ -218,9 +227,9 @@ def _rests(values: Array, begins: Index, ends: Index, step: float) -> Mask:
     + a n / `RUN_FRACTION`.
     """
     near = np.abs(values - values[begins[0]]) <= step * (1.0 + STEP_TOLERANCE)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(int)))
-    of = np.searchsorted(edges[::2], begins, side="right") - 1
-    begins, ends = edges[::2][of], edges[1::2][of]
+    first, past = _ends_of_runs(near)
+    of = np.searchsorted(first, begins, side="right") - 1
+    begins, ends = first[of], past[of]
     earlier = (ends - begins) // RUN_FRACTION
     told = (earlier >= RUN) & (begins - RUN - earlier >= 0)
     at = np.where(told, begins, RUN)

@@ -42,10 +42,10 @@ def change(t: float, asked: float, most: str = "") -> str:
     return f"the error on validation data falls by {size}, {asked:g} are asked"
 
 
-def small_but_no_noise(channel: str, goes_with_motion: bool) -> str:
-    """Return a sentence on a residual that is about as large as the noise, and has structure."""
+def no_noise(channel: str, goes_with_motion: bool) -> str:
+    """Return a sentence on a residual that has structure."""
     why = "follows from the motion" if goes_with_motion else "goes on from sample to sample, as where an input is off"
-    return f" What is left of {channel} is about its sensor's noise in size, but {why}."
+    return f" What is left of {channel} is no noise: it {why}."
 
 
 def too_little(what: str, why: str) -> str:

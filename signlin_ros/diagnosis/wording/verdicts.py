@@ -206,13 +206,13 @@ def remainder(evidence: Evidence, verdict: Verdict) -> str:
 
 
 def _structure(evidence: Evidence, verdict: Verdict) -> str:
-    """Return in which channel the residual is small, and no noise all the same; empty where tests find none."""
+    """Return in which channel the residual has structure; empty where tests find none."""
     left = [one for one in verdict.final.residual_tests if one.structured]
     if not left:
         return ""
     one = max(left, key=lambda one: one.over_noise)
     moves = one.dependent > evidence.criteria.max_dependent_share
-    return phrases.small_but_no_noise(one.channel, moves)
+    return phrases.no_noise(one.channel, moves)
 
 
 def _motion_left(evidence: Evidence, verdict: Verdict) -> str:
