@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,7 @@ from signlin_ros.nodes.qos import RELIABLE, SENSOR_QOS
 from signlin_ros.nodes.runner import run
 from signlin_ros.nodes.told import NANO, Refusal
 from signlin_ros.simulation import Stepper
-from sim_nodes.measuring import Measuring
+from sim_nodes.driven import DrivenPlant
 from sim_nodes.signals import INPUT_SIGNALS, input_signal
 
 Array = NDArray[np.float64]
@@ -34,35 +33,36 @@ OPTIONS = {
     "input_signal": Overridable("external", "what drives the plant; external: topic input", choices=INPUT_SIGNALS),
     "amplitude": Overridable(1.0, "largest value of the input signal, in the input's unit", 0.0, 1e9),
     "input_period": Overridable(1.0, "period of the input signal [s]", 1e-3, 1e6),
+    "watchdog": Overridable(
+        0.0, "time without an input after which the drive's is 0 [s], as a real one's; 0: it is held", 0.0, 1e6
+    ),
 }
-MAX_CLOCK_JUMP = 10 * NANO
-"""A clock that moves on by more ns at once was set, or the machine slept: the plant stood still."""
-MAX_STEPS_AT_ONCE = 20
-"""Steps that are published together where the node was late; of more, the last ones."""
+LONG_GAP = 5.0
+"""Seconds between two warnings of the same kind."""
 
 
 class PlantSimulatorNode(ModelNode):
     """Steps the exact plant along the node's clock and publishes what its sensors show.
 
-    The input is held between messages.
+    The input is held between messages, up to ``watchdog`` s.
     """
 
     def __init__(self) -> None:
         super().__init__("plant_simulator", OPTIONS)
         option = self.options
         self.random = np.random.default_rng(option["seed"])
-        self.u = self.model.u0
         self._signal = input_signal(option["input_signal"], option["amplitude"], option["input_period"])
         self._states = self.create_publisher(Float64MultiArray, "state", RELIABLE)
         self._joint_states = self.create_publisher(JointState, "joint_states", RELIABLE)
-        if self._signal is None:
+        if self._signal is None:  # what comes is looked for before every step: it need wake nobody
             self._arriving = Gathering(
-                self, Float64MultiArray, "input", self._take_input, SENSOR_QOS, lambda: 0.0, sent=True
+                self, Float64MultiArray, "input", self._take_input, SENSOR_QOS, lambda: 0.0, sent=True, waking=False
             )
         else:
             self._inputs = self.create_publisher(Float64MultiArray, "input", RELIABLE)
+        self._simulated = bool(self.get_parameter("use_sim_time").value)
         self._period = round(NANO / option["publish_rate"])
-        Stepper(self.model).advance(self._period / NANO, self.u)  # what is compiled is compiled before time counts
+        Stepper(self.model).advance(self._period / NANO, self.model.u0)  # what is compiled is, before time counts
         self._start(None)
         self._timer = self.create_timer(1.0 / option["publish_rate"], self._on_period)
         backward = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True)
@@ -70,64 +70,45 @@ class PlantSimulatorNode(ModelNode):
 
     def _start(self, _: Any) -> None:
         """Begin at the initial state, at the time that it is now."""
-        self.plant = Stepper(self.model, self.model.x0)
-        self.measuring = Measuring(self.model, self._period / NANO, self.plant.x)
-        self.origin, self.steps = self.now(), 0
-        self._coming: deque[tuple[int, Array]] = deque()
+        watchdog = round(self.options["watchdog"] * NANO)
+        self.driven = DrivenPlant(self.model, self._period, self.now(), watchdog, self._signal)
 
-    def _take_input(self, message: Float64MultiArray, came: int) -> None:
+    def _take_input(self, message: Float64MultiArray, sent: int) -> None:
         value = convert.read_input(message, self.model)
         if isinstance(value, Refusal):
-            self.get_logger().warning(f"input refused: {value.detail}", throttle_duration_sec=5.0)
+            self.get_logger().warning(f"input refused: {value.detail}", throttle_duration_sec=LONG_GAP)
         else:
-            self._coming.append((came, value))
+            self.driven.take(sent, value)
 
     def _on_period(self) -> None:
         if self._signal is None:
             self._arriving.pump()
-        due = (self.now() - self.origin) // self._period
-        if (due - self.steps) * self._period > MAX_CLOCK_JUMP:
-            self.origin += (due - self.steps - 1) * self._period
-            due = self.steps + 1
-        for step in range(self.steps, due):
-            if self._signal is not None:
-                self.u[0] = self._signal(step * self._period / NANO)
-            self.measuring.take(self._advanced(self.origin + step * self._period))
-            self.steps = step + 1
-            if due - self.steps < MAX_STEPS_AT_ONCE:
-                self._publish()
-
-    def _advanced(self, start: int) -> Array:
-        """Return the state after a step from ``start`` (ns); an input acts from when it was sent."""
-        end = start + self._period
-        while self._coming and self._coming[0][0] < end:
-            came, value = self._coming.popleft()
-            if came > start:
-                self.plant.advance((came - start) / NANO, self.u)
-                start = came
-            self.u = value
-        return self.plant.advance((end - start) / NANO, self.u)
+        driven, trips = self.driven, self.driven.trips
+        for _ in driven.catch_up(self.now):
+            self._publish()
+        if driven.trips > trips:
+            sentence = f"no input for {self.options['watchdog']:g} s: the drive's is 0 until one comes (watchdog)"
+            self.get_logger().warning(sentence, throttle_duration_sec=LONG_GAP)
 
     def _publish(self) -> None:
-        x = self.measuring.shown() + self.options["noise"] * self.random.standard_normal(len(self.model.states))
-        joint = joint_values(self.model, dict(zip(self.model.states, x.tolist(), strict=True)), self.u)
+        """Publish the present state: in joint_states with its time; in ``state``, which has no stamp, only if new."""
+        driven = self.driven
+        x = driven.shown() + self.options["noise"] * self.random.standard_normal(len(self.model.states))
         if self._signal is not None:
-            self._inputs.publish(convert.vector(self.u, "input"))
-        self._states.publish(convert.vector(x, "state"))
-        if self.model.plant.name == "arm":
-            self._publish_joints(x)
-            return
-        self._joint_states.publish(
-            convert.joint_state(self.options["joint_name"], joint, self.origin + self.steps * self._period)
-        )
+            self._inputs.publish(convert.vector(driven.u, "input"))
+        if self._simulated or driven.is_fresh(self.now()):
+            self._states.publish(convert.vector(x, "state"))
+        self._joint_states.publish(self._joints(x))
 
-    def _publish_joints(self, x: Array) -> None:
-        """Publish all joints of an arm: positions, velocities, and the efforts that drive them."""
+    def _joints(self, x: Array) -> JointState:
+        """Return what joint_states show of a state (n,): of an arm all joints, and the efforts that drive them."""
+        u, stamp = self.driven.u, self.driven.time
+        if self.model.plant.name != "arm":
+            joint = joint_values(self.model, dict(zip(self.model.states, x.tolist(), strict=True)), u)
+            return convert.joint_state(self.options["joint_name"], joint, stamp)
         names = (*self.model.states, *self.model.inputs)
-        values = dict(zip(names, [*x.tolist(), *self.u.tolist()], strict=True))
-        joints = [name.removesuffix(".effort") for name in self.model.inputs]
-        stamp = self.origin + self.steps * self._period
-        self._joint_states.publish(convert.joints_state(values, joints, stamp))
+        values = dict(zip(names, [*x.tolist(), *u.tolist()], strict=True))
+        return convert.joints_state(values, [name.removesuffix(".effort") for name in self.model.inputs], stamp)
 
 
 def main() -> int:

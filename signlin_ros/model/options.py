@@ -29,6 +29,7 @@ RESERVED_KEYS = ("use_sim_time", "qos_overrides", "start_type_description_servic
 """Keys of ROS 2 itself, accepted everywhere."""
 NODE_KEYS = (
     *("publish_rate", "noise", "seed", "input_signal", "amplitude", "input_period", "joint_name"),
+    "watchdog",
     *("command", "limits", "margin", "runs", "pause", "ramp", "output", "first_record"),
     *("state_source", "state_timeout", "input_timeout", "stamps", "ignore", "record", "rate", "loop", "publish_clock"),
     *("design", "track", "control_period", "limit", "loop_delay", "largest_speed", "bandwidth", "damping", "integral"),
