@@ -19,6 +19,7 @@ from signlin_ros.nodes.parameters import ModelNode
 from signlin_ros.nodes.qos import RELIABLE, SENSOR_QOS
 from signlin_ros.nodes.runner import run
 from signlin_ros.nodes.told import NANO, Refusal
+from signlin_ros.nodes.turns import Turns
 from signlin_ros.simulation import Stepper
 from sim_nodes.driven import DrivenPlant
 from sim_nodes.signals import INPUT_SIGNALS, input_signal
@@ -64,7 +65,7 @@ class PlantSimulatorNode(ModelNode):
         self._period = round(NANO / option["publish_rate"])
         Stepper(self.model).advance(self._period / NANO, self.model.u0)  # what is compiled is, before time counts
         self._start(None)
-        self._timer = self.create_timer(1.0 / option["publish_rate"], self._on_period)
+        self._turns = Turns(self, 1.0 / option["publish_rate"], self._on_period)
         backward = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True)
         self._jump = self.get_clock().create_jump_callback(backward, post_callback=self._start)
 
@@ -72,6 +73,11 @@ class PlantSimulatorNode(ModelNode):
         """Begin at the initial state, at the time that it is now."""
         watchdog = round(self.options["watchdog"] * NANO)
         self.driven = DrivenPlant(self.model, self._period, self.now(), watchdog, self._signal)
+
+    def destroy_node(self) -> None:
+        """End the turns first."""
+        self._turns.stop()
+        super().destroy_node()
 
     def _take_input(self, message: Float64MultiArray, sent: int) -> None:
         value = convert.read_input(message, self.model)

@@ -36,6 +36,8 @@ FIRST_TO_END = "controller"
 OF_A_NAMESPACE = re.compile(r"(?:([A-Za-z_/][\w/]*)=)?(.+)")
 """A model, with the namespace that it is for before it."""
 NO_LIMIT = "no controller: give -p controller.limit=..., the largest |input| that the drive may be given"
+WATCHDOG_PERIODS, CONTROL_PERIOD = 5, 0.02
+"""Control periods without an input after which a simulated drive's watchdog ends the last one; s of one by default."""
 POLL_PERIOD = 0.05
 """Seconds between two looks at whether all still run."""
 PATIENCE = 15.0
@@ -93,6 +95,18 @@ class StartPlan:
         given = [part.partition(":=")[0] for part in self._given("controller", namespace)]
         return "limit" in given or "limit" in Model.load(self.model_of(namespace)).node_options
 
+    def watchdog(self, namespace: str = "") -> list[str]:
+        """Return what gives the simulated drive of a controller a watchdog, as a real one has; nothing where it is set.
+
+        Without one a drive goes on with its last input while its controller is kept waiting.
+        """
+        own = [*self._given("plant_simulator", namespace), *Model.load(self.model_of(namespace)).node_options]
+        if "controller" not in self.names(namespace) or any(part.startswith("watchdog") for part in own):
+            return []
+        given = [part.partition(":=") for part in self._given("controller", namespace)]
+        options = Model.load(self.model_of(namespace)).node_options | {name: value for name, _, value in given}
+        return ["-p", f"watchdog:={WATCHDOG_PERIODS * float(options.get('control_period', CONTROL_PERIOD)):g}"]
+
     def _given(self, node: str, namespace: str) -> list[str]:
         """Return the parameters of a node in a namespace, as a command line has them."""
         found = [_in_namespace(text, self.namespaces) for text in self.parameters]
@@ -103,7 +117,7 @@ class StartPlan:
         """Return the arguments of a node, as a command line has them."""
         model = self.truth if name == "plant_simulator" and self.truth else self.model_of(namespace)
         file = find_model_file(model)
-        own = self._given(name, namespace)
+        own = [*self._given(name, namespace), *(self.watchdog(namespace) if name == "plant_simulator" else [])]
         record = ["-p", f"record:={Path(self.record).resolve()}"] if name == "replay" else []
         place = ["-r", f"__ns:=/{namespace.strip('/')}"] if namespace.strip("/") else []
         return ["--ros-args", "--params-file", str(file), *place, *record, *own]

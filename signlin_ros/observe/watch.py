@@ -65,8 +65,16 @@ class Pace:
         """Tell whether it should have come again before time t. What comes at any time, as on a change, is not."""
         if len(self._intervals) < LEAST_PACE or t - self._last <= GAP_PACES * min(self._intervals):
             return False
-        usual, long = np.percentile(self._intervals, [50, 90])
-        return bool(long < GAP_PACES * usual < t - self._last)
+        rising = sorted(self._intervals)  # of a hundred, at every message: a tenth of the time of NumPy's percentiles
+        usual, long = _quantile(rising, 0.5), _quantile(rising, 0.9)
+        return long < GAP_PACES * usual < t - self._last
+
+
+def _quantile(rising: list[float], share: float) -> float:
+    """Return a quantile of values in order, a straight line between two of them."""
+    place = share * (len(rising) - 1)
+    k = min(int(place), len(rising) - 2)
+    return rising[k] + (place - k) * (rising[k + 1] - rising[k])
 
 
 class Watch:

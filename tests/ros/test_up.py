@@ -55,6 +55,26 @@ def test_what_a_plan_says() -> None:
         StartPlan("dc_motor", parameters=("learn",)).arguments("monitor", "")
 
 
+def test_a_simulated_drive_has_a_watchdog_where_a_controller_drives_it(tmp_path: Path) -> None:
+    limited = ("controller.limit=12.0",)
+
+    def given(*more: str, name: str = "plant_simulator", **plan: Any) -> list[str]:
+        return [
+            part
+            for part in StartPlan("dc_motor", parameters=(*limited, *more), **plan).arguments(name, "")
+            if part.startswith("watchdog")
+        ]
+
+    assert given() == ["watchdog:=0.1"]
+    assert given("controller.control_period=0.001") == ["watchdog:=0.005"]
+    assert given("plant_simulator.watchdog=0") == ["watchdog:=0"]
+    assert given(name="controller") == []
+    assert given(without=("controller",)) == []
+    slow = tmp_path / "slow.yaml"
+    slow.write_text(find_model_file("dc_motor").read_text() + "    control_period: 0.05\n")
+    assert "watchdog:=0.25" in StartPlan(str(slow), parameters=limited).arguments("plant_simulator", "")
+
+
 def test_no_node_shares_a_process_with_another_one() -> None:
     plan = StartPlan("dc_motor", namespaces=("left", "right"), parameters=("controller.limit=12.0",))
     nodes = {"plant_simulator", "linearizer", "monitor", "controller"}
