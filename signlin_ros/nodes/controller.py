@@ -14,6 +14,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType, JumpThreshold
 from rclpy.duration import Duration
+from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header, String
 from std_srvs.srv import Trigger
@@ -29,10 +30,11 @@ from signlin_ros.nodes.gather import Gathering
 from signlin_ros.nodes.joints import refuse_arm
 from signlin_ros.nodes.overrides import Overridable
 from signlin_ros.nodes.parameters import ModelNode, on_change
-from signlin_ros.nodes.qos import LATCHED, NEWEST, RELIABLE
+from signlin_ros.nodes.qos import LATCHED, NEWEST, RELIABLE, SENSOR_QOS
 from signlin_ros.nodes.runner import run
 from signlin_ros.nodes.sources import STATE_OPTIONS, StateReader
 from signlin_ros.nodes.told import NANO
+from signlin_ros.nodes.turns import Turns
 
 OPTIONS = {
     "design": Overridable(DEFAULT_DESIGN, "how the input is made", choices=tuple(DESIGNS), read_only=False),
@@ -113,15 +115,15 @@ class ControllerNode(StateReader, ModelNode):
         )
         self._input = self.create_publisher(Float64MultiArray, "input", RELIABLE)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self._heard = [self._gathering(Float64MultiArray, "reference", self._take_reference, waking=True)]
+        self._turns = Turns(self, option["control_period"], self._on_period)
+        self._heard = [self._gathering(Float64MultiArray, "reference", self._take_reference, NEWEST)]
         self.create_subscription(Float64MultiArray, "linearizer/model", self._on_model, LATCHED)
         self.create_subscription(String, "linearizer/model_yaml", self._on_yaml, LATCHED)
         if option["state_source"] == "array":
-            self._heard.append(self._gathering(Float64MultiArray, "state", self._take_state, waking=False))
+            self._heard.append(self._gathering(Float64MultiArray, "state", self._take_state, NEWEST))
         else:  # a speed that is not told is derived from all positions
-            self._heard.append(self._gathering(JointState, "joint_states", self._take_joint_state, waking=True))
+            self._heard.append(self._gathering(JointState, "joint_states", self._take_joint_state, SENSOR_QOS))
         self.create_service(Trigger, "~/resume", self._on_resume)
-        self._timer = self.create_timer(option["control_period"], self._on_period)
         self._slow_timer = self.create_timer(1.0, self._on_second, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._latest = self._due = self._not_before = 0
         self._period = round(option["control_period"] * NANO)
@@ -142,9 +144,9 @@ class ControllerNode(StateReader, ModelNode):
 
     # ---------------------------------------------------------------- messages
 
-    def _gathering(self, kind: type, topic: str, take: Callable[[Any, int], None], waking: bool) -> Gathering:
-        """Subscribe to the newest message of a topic, with the time at which it was sent."""
-        return Gathering(self, kind, topic, take, NEWEST, lambda: 0.0, sent=True, waking=waking)
+    def _gathering(self, kind: type, topic: str, take: Callable[[Any, int], None], qos: QoSProfile) -> Gathering:
+        """Subscribe to a topic that is looked at before every input, with the times at which messages were sent."""
+        return Gathering(self, kind, topic, take, qos, lambda: 0.0, sent=True, waking=False)
 
     def _take_reference(self, message: Float64MultiArray, sent: int) -> None:
         length = min(max(len(message.data), 1), LONGEST_REFERENCE)
@@ -160,12 +162,14 @@ class ControllerNode(StateReader, ModelNode):
     def _on_model(self, message: Float64MultiArray) -> None:
         fault = convert.layout_fault(message.layout, len(message.data))
         if not fault:
-            self.logic.take_model(message.data)
+            with self._turns.lock:
+                self.logic.take_model(message.data)
 
     def _on_yaml(self, message: String) -> None:
-        model = self.logic.announce(message.data)
-        if model is not None:
-            self._coming = self._aside.submit(self._prepared, model)
+        with self._turns.lock:
+            model = self.logic.announce(message.data)
+            if model is not None:
+                self._coming = self._aside.submit(self._prepared, model)
 
     def _prepared(self, model: Model) -> Controller | InputError:
         """Return a controller for a model, or why there is none; what it takes to compile is compiled elsewhere."""
@@ -190,7 +194,8 @@ class ControllerNode(StateReader, ModelNode):
             self._input.publish(convert.vector(u, "input"))
 
     def _on_resume(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        was = self.logic.resume()
+        with self._turns.lock:
+            was = self.logic.resume()
         response.success = bool(was)
         response.message = f"goes on after: {was}" if was else "there is no fault to go on after"
         self.get_logger().info(response.message)
@@ -198,6 +203,7 @@ class ControllerNode(StateReader, ModelNode):
 
     def destroy_node(self) -> None:
         """Leave the drive without input."""
+        self._turns.stop()
         if self.logic.active:
             self._input.publish(convert.vector([0.0], "input"))
         self._aside.shutdown(wait=False, cancel_futures=True)
@@ -211,16 +217,18 @@ class ControllerNode(StateReader, ModelNode):
         self.get_logger().warning("the clock has jumped back or changed: stopping and starting anew")
         if self.logic.active:
             self._input.publish(convert.vector([0.0], "input"))
-        self.logic.reset()
+        with self._turns.lock:
+            self.logic.reset()
         self._due = self._not_before = 0
-        self._timer.reset()
+        self._turns.restart()
 
     def _on_second(self) -> None:
         now = self.now()
         if now < self._latest:  # the system's clock was set back: no jump callback tells of that
             self._on_jump(None)
         self._latest = now
-        health = self.logic.health(now)
+        with self._turns.lock:
+            health = self.logic.health(now)
         if self.logic.channels.sentence:
             self.warn_once("channels", self.logic.channels.sentence)
         status = DiagnosticStatus(
@@ -242,7 +250,9 @@ class ControllerNode(StateReader, ModelNode):
         self._changed = self._beside(lambda: Controller(self.logic.model, settings))
 
     def _beside(self, work: Callable[[], Controller]) -> Controller:
-        """Do what takes its time in a thread; the executor waits for this callback, so that the loop goes on in it."""
+        """Do what takes its time beside the loop; where its turns are the executor's, they go on in this callback."""
+        if self._turns.in_thread:
+            return work()
         with ThreadPoolExecutor(1) as pool:
             future = pool.submit(work)
             while not future.done():
@@ -253,8 +263,9 @@ class ControllerNode(StateReader, ModelNode):
             return future.result()
 
     def _apply_changes(self, changes: dict[str, Any]) -> None:
-        self.options |= {name: value for name, value in changes.items() if name in OPTIONS}
-        self.logic.use(self._changed)
+        with self._turns.lock:
+            self.options |= {name: value for name, value in changes.items() if name in OPTIONS}
+            self.logic.use(self._changed)
 
 
 def main() -> int:

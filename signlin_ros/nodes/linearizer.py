@@ -30,7 +30,7 @@ from signlin_ros.nodes.managed import ManagedNode
 from signlin_ros.nodes.overrides import Overridable
 from signlin_ros.nodes.parameters import on_change
 from signlin_ros.nodes.prepared import Prepared
-from signlin_ros.nodes.qos import LATCHED, SENSOR_QOS
+from signlin_ros.nodes.qos import LATCHED, RECORD_QOS, SENSOR_QOS
 from signlin_ros.nodes.runner import run
 from signlin_ros.nodes.sources import STATE_OPTIONS, StateReader
 from signlin_ros.nodes.told import NANO, Refusal, Update
@@ -60,6 +60,8 @@ OPTIONS = {
 }
 LONGEST_REST = 4e-3
 """Seconds for which messages gather, so that many come with one waking."""
+LONGEST_GATHERING = 0.1
+"""Seconds between two looks at what has come, where an update is longer in coming."""
 ASIDE = 2e-3
 """Seconds between two looks at what has come, while another model is prepared."""
 CLOCK_PATIENCE = 5.0
@@ -118,15 +120,19 @@ class LinearizerNode(StateReader, ManagedNode):
             "array": (Float64MultiArray, "state", self._take_state),
             "joint_state": (JointState, "joint_states", self._take_joint_state),
         }[source]
+        waking = bool(self.get_parameter("use_sim_time").value)  # then a message counts from when it is taken
+        qos = SENSOR_QOS if waking else RECORD_QOS
         self._inputs = [
-            Gathering(self, Float64MultiArray, "input", self._take_input, SENSOR_QOS, self._rest),
-            Gathering(self, kind, topic, take, SENSOR_QOS, self._rest),
+            Gathering(self, Float64MultiArray, "input", self._take_input, qos, self._rest, waking=waking),
+            Gathering(self, kind, topic, take, qos, self._rest, waking=waking),
         ]
-        self._timer = self.create_timer(self.model.update_period, self._on_period)
+        self._timer = self.create_timer(self.model.update_period, self._pump)
+        self._look = self.create_timer(LONGEST_GATHERING, self._take, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def end(self) -> None:
         """Listen no more."""
         self.destroy_timer(self._timer)
+        self.destroy_timer(self._look)
         for gathering in self._inputs:
             gathering.destroy()
 
@@ -265,11 +271,14 @@ class LinearizerNode(StateReader, ManagedNode):
 
     def _pump(self) -> None:
         """Take what has come, and publish what has fallen due."""
-        if self.logic is None or not self.active:
-            return
+        if self.logic is not None and self.active:
+            self._take()
+            self._on_period()
+
+    def _take(self) -> None:
+        """Take what has come: with few wakings, for these cost several times what the messages do."""
         for gathering in self._inputs:
             gathering.pump()
-        self._on_period()
 
     def _apply_changes(self, changes: dict[str, Any]) -> None:
         if self._renewing:

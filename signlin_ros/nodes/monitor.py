@@ -132,9 +132,10 @@ class MonitorNode(StateReader, ManagedNode):
             "array": (Float64MultiArray, "state", self._take_state),
             "joint_state": (JointState, "joint_states", self._take_joint_state),
         }[self.options["state_source"]]
+        waking = bool(self.get_parameter("use_sim_time").value)  # then a message counts from when it is taken
         self._gathered = [
-            Gathering(self, kind, topic, take, RECORD_QOS, lambda: GATHER_REST, sent=True),
-            Gathering(self, Float64MultiArray, "input", self._take_input, RECORD_QOS, lambda: GATHER_REST, sent=True),
+            Gathering(self, *of, RECORD_QOS, lambda: GATHER_REST, sent=True, waking=waking)
+            for of in ((kind, topic, take), (Float64MultiArray, "input", self._take_input))
         ]
         self._timer = self.create_timer(LOOK_PERIOD, self._on_tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
