@@ -282,6 +282,23 @@ def test_a_drive_that_got_too_fast_while_the_node_was_held_up_is_stopped_and_beg
     assert world.levels[-1] == LEVEL_OK
 
 
+@pytest.mark.parametrize("before", [0.1, 0.3, 0.6, 3.0], ids=lambda s: f"{s:g} s after the start")
+@pytest.mark.parametrize("stall", [0, 3, 10], ids=lambda n: f"held up for {n} periods")
+@pytest.mark.parametrize("speed", [3.01, 6.0, -3.5])
+def test_beyond_the_reference_by_half_there_is_an_error_and_no_input_within_two_periods(before, stall, speed):
+    world = World(logic(), reference=constant)
+    while not world.logic.active:
+        world.period()
+    world.run(before)
+    world.awake = lambda _: False
+    world.run(stall * PERIOD / NANO)
+    world.awake = lambda _: True
+    world.deliver = lambda w, _: [(np.array([0.0, speed]), w.now)]
+    world.run(2 * PERIOD / NANO)
+    assert world.inputs[-1] == 0.0
+    assert world.levels[-1] == ERROR
+
+
 def _messages(world: World, periods: int) -> list[str]:
     found = []
     for _ in range(periods):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -150,3 +152,18 @@ def test_without_a_watchdog_one_input_is_held():
         driven.step()
     assert driven.u[0] == 2.0
     assert driven.plant.x[1] == pytest.approx((2.0 - 0.764 * 0.033 / 0.0805) / 0.0805, rel=1e-3)
+
+
+def test_the_node_lets_an_input_go_and_says_so(graph: Any):
+    from std_msgs.msg import Float64MultiArray
+
+    plant = graph.start("plant_simulator", "watchdog:=0.3")
+    states, inputs = graph.collect(Float64MultiArray, "state"), graph.publisher(Float64MultiArray, "input")
+
+    def speed() -> float:
+        return float(states[-1].data[1]) if states else 0.0
+
+    graph.wait(lambda: inputs.publish(Float64MultiArray(data=[2.0])) or speed() > 3.0, "a drive that runs")
+    graph.wait(lambda: speed() == 0.0, "a drive that stands again")
+    assert "no input for 0.3 s: the drive's is 0 until one comes (watchdog)" in plant.output
+    graph.wait(lambda: inputs.publish(Float64MultiArray(data=[2.0])) or speed() > 3.0, "a drive that runs again")
