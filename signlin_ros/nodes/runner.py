@@ -36,6 +36,11 @@ class _Stop(BaseException):
     """Ends what is long in coming; nothing takes it for an exit that it has asked for itself, or for an error."""
 
 
+_stopped: list[_Stop] = []
+"""What has interrupted a node in the making: kept, so that what it left half made is not taken down piece by piece
+after the context that it needs."""
+
+
 def run(name: str, create: Callable[[], Node], arguments: Sequence[str] | None = None) -> int:
     """Run the node that ``create`` makes until a signal, or until it has ``finished``; return the exit code.
 
@@ -48,7 +53,8 @@ def run(name: str, create: Callable[[], Node], arguments: Sequence[str] | None =
     """
     try:
         return _run(name, create, list(sys.argv if arguments is None else arguments))
-    except _Stop:
+    except _Stop as stop:
+        _stopped.append(stop)
         return 0
 
 

@@ -32,9 +32,11 @@ def _hurry(module: str) -> None:
 
 
 def start(module: str) -> int:
-    """Run ``main()`` of a node's module and return its exit code; 2 where ROS 2 is not installed.
+    """Run ``main()`` of a node's module and end the process with its exit code; return 2 where ROS 2 is not installed.
 
-    A signal before the node takes care of signals itself ends the process at once: nothing is there to take down.
+    A signal before the node takes care of signals itself ends the process at once: nothing is there to take down. Nor
+    is anything left to do once ``main()`` has taken the node down: the interpreter's own end would run destructors of
+    the middleware and of compiled code in an order that nobody controls, and wait for a thread that still compiles.
     """
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: os._exit(0))
@@ -46,4 +48,7 @@ def start(module: str) -> int:
             raise
         sys.stderr.write(f"{MissingExtraError('A ROS 2 node', 'ros')}\n")
         return 2
-    return int(node.main())
+    code = int(node.main())
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)

@@ -104,15 +104,16 @@ def test_what_is_found_is_applied_and_taken_back(graph: Any, tmp_path: Path) -> 
     graph.wait(lambda: states(verdicts)[-1] == "reset", "that what is usual is learnt anew")
 
 
-@pytest.mark.slow
-@pytest.mark.ros  # it starts processes, and what it waits for takes minutes where other tests have the processor
+@pytest.mark.long  # in real time: the machine's own control loop needs the processor. In simulated time it is quick:
+@pytest.mark.ros  # tests/ros/test_monitor_logic.py
 @pytest.mark.xdist_group("ros_naming")  # beside the others, in a domain of its own
 def test_a_change_is_called_then_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
-    from live_changes import NOMINAL, RATE, Machine
+    from live_changes import NOMINAL, RATE, Machine, compile_ahead
     from live_ros import watched
 
     rig = Machine(np.random.default_rng(3200))
+    compile_ahead(3200, "load")
     with domain_id() as domain:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
         called, began, names = watched(rig, NOMINAL, "load", 12.0, 300.0, 8.0, RATE, naming=True)
