@@ -88,8 +88,7 @@ def runs_of(model: ArmModel, record: ModelData) -> list[ArmRun]:
     q = np.stack([record.measured[f"{name}.position"] for name in names], axis=1)
     measured = all(f"{name}.velocity" in record.measured for name in names)
     v = np.stack([record.measured[f"{name}.velocity"] for name in names], axis=1) if measured else None
-    gains = np.array([model.parameters[f"{name}.{GAIN_PARAMETER}"] for name in names])
-    tau = in_time(record.t, record.u * gains, model.effort_delays)
+    tau = in_time(record.t, record.u * gains_of(model), model.effort_delays)
     at_motor = np.array(model.arm_plant.at_motor)
     tau = tau @ np.where(at_motor[None, :], model.arm_plant.motors.T, np.eye(len(names))).T
     good = np.isfinite(q).all(axis=1) & np.isfinite(tau).all(axis=1)
@@ -130,6 +129,27 @@ def with_delays(model: ArmModel, delays: Array) -> ArmModel:
     return ArmModel.from_dict(content, model.source, model.folder)
 
 
+def resized(run: ArmRun, gains: Array) -> ArmRun:
+    """Return a run whose efforts, which show (n,) times what acts, are as large as what acts."""
+    return replace(run, tau=run.tau / gains, steps=run.steps / np.abs(gains))
+
+
+def with_gains(model: ArmModel, gains: Array) -> ArmModel:
+    """Return a model whose file says that efforts show other sizes than it said, (n,) times what acts."""
+    content, efforts = model.to_dict(), dict(model.arm.efforts)
+    for name, before, shown in zip(model.robot.names, gains_of(model), gains, strict=True):
+        section = content.get(name, {})
+        if shown != 1.0:
+            own = {"gain": float(before / shown), "unit": efforts[name].unit}
+            content[name] = {**section, "effort": {**section.get("effort", {}), **own}}
+    return ArmModel.from_dict(content, model.source, model.folder)
+
+
+def gains_of(model: ArmModel) -> Array:
+    """Return the gains of the efforts in N·m (N) per unit of the record (n,)."""
+    return np.array([model.parameters[f"{name}.{GAIN_PARAMETER}"] for name in model.robot.names])
+
+
 def _even(t: Array, q: Array, v: Array | None, tau: Array, step: float, source: str) -> ArmRun:
     """Return samples at even times, in between by straight lines; as they are where they are even already."""
     steps = np.array([effort_step(column) for column in tau.T])
@@ -167,4 +187,16 @@ def sides(
     return known, [unseen[k] for k in long]
 
 
-__all__ = ["HELD_OUT", "ArmRun", "in_time", "read_data", "runs_of", "shifted", "sides", "with_delays"]
+__all__ = [
+    "HELD_OUT",
+    "ArmRun",
+    "gains_of",
+    "in_time",
+    "read_data",
+    "resized",
+    "runs_of",
+    "shifted",
+    "sides",
+    "with_delays",
+    "with_gains",
+]

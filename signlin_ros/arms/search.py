@@ -53,8 +53,10 @@ GIVEN = 0.3
 """Relative error of a motor's inertia that the file gives."""
 MAX_LAWS_ADDED = 12
 """Laws that are added, at most."""
-DELAY = "sensor_delay"
-"""Name of the law that an effort is recorded later than the motion."""
+DELAY, GAIN = "sensor_delay", "sensor_gain"
+"""Names of the laws that an effort is recorded later than the motion, and that it shows another size than what acts."""
+SEEN_ELSEWHERE = ("compliant_load", GAIN)
+"""Laws of a joint that others may show: bodies that fit a wrong gain of one joint are wrong for its neighbours."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,10 @@ class SearchResult:
 
 @dataclass(eq=False)
 class State:
-    """Where a search stands: the rows, the design, its estimate, and the robot's loads under it."""
+    """Where a search stands: the rows, the laws in the model so far, and what they were found by.
+
+    ``barred``: joints of which nothing is told; ``known``: laws that are not searched for.
+    """
 
     robot: Robot
     rows: RegressionRows
@@ -98,7 +103,7 @@ class State:
     barred: frozenset[int] = frozenset()
     carried: Array | float = 0.0
     tilts: bool = True
-    delays: bool = True
+    known: frozenset[Key] = frozenset()
     terms: list[tuple[Key, JointLaw | None]] = field(default_factory=list)
     found: list[SearchResult] = field(default_factory=list)
 
@@ -164,7 +169,7 @@ class State:
 
     def candidates(self, estimate: CoefficientEstimate) -> Iterator[tuple[Key, JointLaw | None]]:
         """Yield every law that may be missing."""
-        taken = [key for key, _ in self.terms]
+        taken = {*(key for key, _ in self.terms), *self.known}
         for i in range(self.robot.n):
             if i in self.barred:
                 continue
@@ -174,13 +179,9 @@ class State:
                 if kin or any(key.same(other) for other in taken):
                     continue
                 yield from ((replace(key, shape=shape), law) for shape in shapes(law, self.rows, i))
-            for name in ("sensor_gain", "compliant_load", *([DELAY] if self.delays else [])):
-                if not any(Key(name, i).same(other) for other in taken):
-                    yield Key(name, i), None
-        known = {"payload": self.payload_at is not None, "tilt": self.tilts, DELAY: self.tilts and self.delays}
-        for name in (name for name, possible in known.items() if possible):
-            if not any(Key(name, -1).same(other) for other in taken):
-                yield Key(name, -1), None
+            yield from ((Key(name, i), None) for name in (GAIN, "compliant_load", DELAY) if Key(name, i) not in taken)
+        of_all = {"payload": self.payload_at is not None, "tilt": self.tilts, DELAY: self.tilts}
+        yield from ((Key(name, -1), None) for name, may in of_all.items() if may and Key(name, -1) not in taken)
 
 
 def names_of(key: Key) -> tuple[str, ...]:
@@ -207,10 +208,26 @@ def search(state: State, progress: Callable[[str], None] = lambda _: None) -> Co
     for _ in range(MAX_LAWS_ADDED):
         found = _best(state, estimate)
         if found is None:
-            return estimate
+            break
         state.found.append(found[0])
         state.terms.append((found[0].key, found[1]))
         progress(f"{names_of(found[0].key)[0]}: validation errors fall")
+        estimate = settled(state, estimate)
+    return _beside(state, estimate)
+
+
+def _beside(state: State, estimate: CoefficientEstimate) -> CoefficientEstimate:
+    """Take out laws that were found where another joint's shows, and that are not there beside it; return the estimate.
+
+    The one that is least there goes first.   [Efroymson, in: Mathematical Methods for Digital Computers, Wiley, 1960]
+    """
+    while laws := [key for key, _ in state.terms if key.law in SEEN_ELSEWHERE]:
+        ratios = dict(zip(estimate.design.names, np.abs(estimate.theta / estimate.errors()).tolist(), strict=True))
+        least = min(laws, key=lambda key: ratios[names_of(key)[0]])
+        if ratios[names_of(least)[0]] >= MIN_COEFFICIENT_ERRORS:
+            break
+        state.terms = [(key, law) for key, law in state.terms if key != least]
+        state.found = [law for law in state.found if law.key != least]
         estimate = settled(state, estimate)
     return estimate
 
@@ -286,7 +303,7 @@ def _stands(
             return None
         worth = max(worth, _drop(estimate, trial) / max(len(state.rows), 1))
     else:
-        visible = np.nanmax(fall) if key.at < 0 or key.law == "compliant_load" else fall[key.at]
+        visible = np.nanmax(fall) if key.at < 0 or key.law in SEEN_ELSEWHERE else fall[key.at]
         if not (sure and visible > MIN_VALIDATION_SHARE and worth > 0.0 and _again(state, trial, values, names)):
             return None
     return SearchResult(key, names, values, errors, before, after, worth), law

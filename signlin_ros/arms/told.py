@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from signlin_ros.arms.foretold import foretold_json, forward_json, forward_text, speed_unit
+from signlin_ros.arms.notes import resized_notes, unwritten, urdf_notes
 from signlin_ros.arms.proposal import basic_of
-from signlin_ros.arms.search import DELAY, Key, SearchResult
+from signlin_ros.arms.search import DELAY, GAIN, SEEN_ELSEWHERE, Key, SearchResult
 from signlin_ros.arms.study import Study, unseen_noise
 from signlin_ros.arms.verbs import ArmComparison, ArmDiagnosis, MissingLaw
 from signlin_ros.effects import find_effect
-from signlin_ros.plants.arm import GAIN_PARAMETER
 from signlin_ros.plants.joint import joint_plant
 from signlin_ros.recording.trace import resolve_unit
 
@@ -61,13 +61,13 @@ def diagnosed_json(diagnosis: ArmDiagnosis, text: str, source: str, data: list[s
     gains = {
         study.names[f.key.at]: _value(float(f.values[0]), float(f.errors[0]), "-")
         for f in diagnosis.found
-        if f.key.law == "sensor_gain"
+        if f.key.law == GAIN
     }
     couplings = [*_known_couplings(study), *map(list, diagnosis.couplings)]
     content["robot"] = {"payload": payload, "gains": gains, "couplings": couplings}
     content["robot"] |= _delays(diagnosis)
     content["robot"] |= {"tilt": _tilt(diagnosis)} if _tilt(diagnosis) else {}
-    content["notes"] += unwritten(diagnosis)
+    content["notes"] += [*resized_notes(diagnosis), *unwritten(diagnosis)]
     return {
         "verdict": verdict(diagnosis),
         **content,
@@ -214,31 +214,6 @@ def _urdf(study: Study) -> dict[str, Any]:
     return {"consistent": not study.robot.inconsistent(), "inconsistent": study.robot.inconsistent()}
 
 
-def urdf_notes(study: Study) -> list[str]:
-    """Return sentences on faults of the URDF."""
-    return [
-        f"URDF: the body that {name} carries cannot exist: its pseudo-inertia has the eigenvalue {value:.2g} kg·m²"
-        for name, value in study.robot.inconsistent().items()
-    ]
-
-
-def unwritten(diagnosis: ArmDiagnosis) -> list[str]:
-    """Return sentences on the laws that are told, and that the model which is written has not: its row lacks them."""
-    study, found = diagnosis.comparison.study, list[str]()
-    for f in diagnosis.found:
-        name = study.names[f.key.at] if f.key.at >= 0 else ""
-        if f.key.law == "sensor_gain":
-            gain = study.model.parameters[f"{name}.{GAIN_PARAMETER}"]
-            right = gain / (1.0 + float(f.values[0]))
-            found.append(
-                f"{name}: the model that is written keeps effort.gain {gain:.4g}, and its row is without the gain that "
-                f"was found; write effort: {{gain: {right:.4g}}} into the file and repeat"
-            )
-        elif f.key.law == "compliant_load":
-            found.append(f"{name}: its elastic gear is told, and not in the model that is written: its row lacks it")
-    return found
-
-
 def name_of(study: Study, key: Key) -> str:
     """Return the name of a law: ``elbow_joint.load_dependent_friction``, ``payload``."""
     return f"{study.names[key.at]}.{key.law}" if key.at >= 0 else key.law
@@ -295,7 +270,7 @@ def _left_out(study: Study, missing: MissingLaw) -> dict[str, Any]:
 def parameters(study: Study, found: SearchResult) -> dict[str, Any]:
     """Return the parameters of a law with standard errors and units."""
     key, value, error = found.key, float(found.values[0]), float(found.errors[0])
-    if key.law == "sensor_gain":
+    if key.law == GAIN:
         return {"gain": _value(1.0 + value, error, "-")}
     if key.law == DELAY:
         return {"delay": _value(value, error, "s")}
@@ -327,7 +302,8 @@ def _fall(before: float, after: float, study: Study, i: int) -> str:
 def sentence(study: Study, found: SearchResult) -> str:
     """Return the sentence on a law, its size and its gain."""
     key, value = found.key, float(found.values[0])
-    i = key.at if key.at >= 0 else int(np.nanargmax(np.log(found.before / found.after)))
+    elsewhere = key.at < 0 or key.law in SEEN_ELSEWHERE
+    i = int(np.nanargmax(np.log(found.before / found.after))) if elsewhere else key.at
     whose = f"the effort of {study.names[key.at]} is" if key.at >= 0 else "all efforts are"
     what = {
         DELAY: f"{whose} recorded {1e3 * abs(value):.2g} ± {1e3 * float(found.errors[0]):.1g} ms "
@@ -342,7 +318,7 @@ def sentence(study: Study, found: SearchResult) -> str:
         "payload": f"a payload of {value:.3g} ± {float(found.errors[0]):.2g} kg on {study.payload_link}",
         "tilt": "the base is tilted: gravity comes from elsewhere",
     }[key.law]
-    where = "" if key.at >= 0 else f"{study.names[i]}: "
+    where = "" if key.at == i else f"{study.names[i]}: "
     return f"{what}; {where}{_fall(found.before[i], found.after[i], study, i)}"
 
 
@@ -413,7 +389,5 @@ __all__ = [
     "effects_named",
     "name_of",
     "sentences",
-    "unwritten",
-    "urdf_notes",
     "verdict",
 ]

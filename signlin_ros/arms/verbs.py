@@ -8,16 +8,16 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.arms.ahead import WINDOW, Ahead, Witness, ahead, compared, witnesses
+from signlin_ros.arms.ahead import WINDOW, Ahead, Witness, ahead, witnesses
 from signlin_ros.arms.coupling import find_coupling
-from signlin_ros.arms.data import ArmRun, shifted, with_delays
+from signlin_ros.arms.data import ArmRun
 from signlin_ros.arms.detectable import detectable
+from signlin_ros.arms.faults import FAULTS, Fault, faults, not_again, put_right, told_with
 from signlin_ros.arms.fit import CoefficientEstimate, FitDesign, blocks, fit
 from signlin_ros.arms.forms import better_forms
 from signlin_ros.arms.laws import ASKED, EXTRA, JointLaw, shapes
 from signlin_ros.arms.proposal import Proposal, proposal
 from signlin_ros.arms.search import (
-    DELAY,
     MIN_COEFFICIENT_ERRORS,
     MIN_VALIDATION_ERRORS,
     MIN_VALIDATION_SHARE,
@@ -157,53 +157,29 @@ def diagnose(
 ) -> ArmDiagnosis:
     """Return the laws that a model of an arm lacks: couplings first, then those of joints and of the robot.
 
-    Where efforts are recorded late, that is told, and all else of efforts that are put in time.
+    Where efforts are recorded late or in another size, that is told, and all else of efforts that are put right.
     """
     comparison = compare(model, known, unseen, band, progress)
     if model.arm.payload is not None and model.arm.payload.free:
         from signlin_ros.arms.carrying import carried
 
         return carried(comparison)
-    first = _searched(comparison, progress)
-    if not delays(first).any():
-        progress(f"windows of {WINDOW:g} s")
-        return replace(_witnessed(first), detectable=detectable(first.state, first.estimate))
-    progress("efforts are put in time")
-    late = delays(first)
-    moved, in_time = with_delays(model, late), [[shifted(run, late) for run in side] for side in (known, unseen)]
-    again = compare(moved, in_time[0], in_time[1], comparison.study.band, progress)
-    second = _searched(again, progress, delays_too=False)
+    told, before, known_faults = _searched(comparison, progress), list[Fault](), frozenset[Key]()
+    for law, done in FAULTS.items():
+        if not faults(told, law):
+            continue
+        progress(done)
+        before.append(Fault(told, faults(told, law)))
+        known_faults |= not_again(told, law)
+        right, runs = put_right(told, law)
+        told = _searched(compare(right, *runs, comparison.study.band, progress), progress, known_faults)
     progress(f"windows of {WINDOW:g} s")
-    return _in_time(first, replace(_witnessed(second), detectable=detectable(second.state, second.estimate)))
+    told = replace(_witnessed(told), detectable=detectable(told.state, told.estimate))
+    return told_with(told, before)
 
 
-def delays(diagnosis: ArmDiagnosis) -> Array:
-    """Return by how many seconds the joints' efforts are recorded later than the motion (n,)."""
-    found = np.zeros(diagnosis.state.robot.n)
-    for law in (law for law in diagnosis.found if law.key.law == DELAY):
-        found[slice(None) if law.key.at < 0 else law.key.at] += law.values[0]
-    return found
-
-
-def _in_time(first: ArmDiagnosis, second: ArmDiagnosis) -> ArmDiagnosis:
-    """Return a diagnosis of efforts that were put in time, with the delays that were found and figures as before."""
-    late = [law for law in first.found if law.key.law == DELAY]
-    names = [name for law in late for name in law.names]
-    without = fit(first.estimate.design.without(*names), first.state.rows, first.state.new)
-    before, after = ahead(first.state, without), ahead(second.state, second.estimate)
-    seen = tuple(compared(before, after, law.key.at) for law in late)
-    given = {row: getattr(first.comparison.table, row) for row in ("as_given", "rigid", "basic")}
-    table = replace(second.comparison.table, **given)
-    return replace(
-        second,
-        comparison=replace(second.comparison, table=table),
-        found=(*late, *second.found),
-        witnesses=(*seen, *second.witnesses),
-    )
-
-
-def _searched(comparison: ArmComparison, progress: Progress, delays_too: bool = True) -> ArmDiagnosis:
-    """Return the laws that a model lacks, and the model that has them."""
+def _searched(comparison: ArmComparison, progress: Progress, known: frozenset[Key] = frozenset()) -> ArmDiagnosis:
+    """Return the laws that a model lacks, ``known`` ones apart, and the model that has them."""
     found, couplings = comparison.study, []
     state, estimate = found.state(), comparison.basic
     while not found.link_side:
@@ -216,7 +192,7 @@ def _searched(comparison: ArmComparison, progress: Progress, delays_too: bool = 
         found = found.with_motors(motors)
         state = found.state()
         estimate = settled(state)
-    state.delays = delays_too
+    state.known = known
     missing = _left_out(found, state, estimate)
     estimate = search(state, progress)
     estimate = better_forms(state, estimate, progress)
@@ -316,7 +292,14 @@ def _told(
             at = estimate.design.at(f"payload.{name}")
             payload[name] = (float(estimate.theta[at]), float(errors[at]), unit)
     compared = replace(comparison, table=replace(comparison.table, model=own))
-    return ArmDiagnosis(compared, state, estimate, tuple(state.found), tuple(missing), tuple(couplings), new, payload)
+    laws = tuple(_as_settled(law, estimate) for law in state.found)
+    return ArmDiagnosis(compared, state, estimate, laws, tuple(missing), tuple(couplings), new, payload)
+
+
+def _as_settled(law: SearchResult, estimate: CoefficientEstimate) -> SearchResult:
+    """Return a law with its coefficients beside all laws that were found after it."""
+    at = [estimate.design.at(name) for name in law.names]
+    return replace(law, values=estimate.theta[at], errors=estimate.errors()[at])
 
 
 def _left_out(found: Study, state: State, estimate: CoefficientEstimate) -> list[MissingLaw]:

@@ -62,7 +62,7 @@ class ArmModel(Model):
         unit = self.robot.joints[self.robot.names.index(joint)].effort_unit
         gain = self.parameters[f"{joint}.{GAIN_PARAMETER}"]
         effort: dict[str, Any] = {"gain": gain} if gain != 1.0 or own.unit != unit else {}
-        effort |= {"unit": own.unit} if own.unit not in (unit, "A") else {}
+        effort |= {"unit": own.unit} if own.unit != ("A" if effort else unit) else {}
         effort |= {"side": own.side} if own.side != "motor" else {}
         effort |= {"delay": own.delay} if own.delay else {}
         if effort:

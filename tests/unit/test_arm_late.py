@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from signlin_ros.arms.data import ArmRun, in_time, shifted, with_delays
+from signlin_ros.arms.faults import delays
 from signlin_ros.arms.proposal import placed
 from signlin_ros.arms.told import diagnosed_json, sentences
-from signlin_ros.arms.verbs import compare, delays, diagnose
+from signlin_ros.arms.verbs import compare, diagnose
 from signlin_ros.errors import ModelError
 from signlin_ros.model import Model
 from tests.arm_records import record, small

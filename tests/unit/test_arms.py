@@ -10,8 +10,9 @@ import pytest
 
 from signlin_ros.arms.data import ArmRun, effort_step
 from signlin_ros.arms.laws import EXTRA, Loads, column, force
+from signlin_ros.arms.notes import unwritten
 from signlin_ros.arms.piece import ArmSegment, RegressionRows
-from signlin_ros.arms.told import compared_json, diagnosed_json, effects_named, sentences, unwritten
+from signlin_ros.arms.told import compared_json, diagnosed_json, effects_named, sentences
 from signlin_ros.arms.verbs import add, compare, diagnose
 from signlin_ros.cli import main
 from signlin_ros.errors import ModelError

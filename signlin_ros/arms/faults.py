@@ -1,0 +1,119 @@
+"""Efforts that are recorded late or in another size: put right, and what is told of a record that was.
+
+A delay and a gain are faults of the record, not of the arm. Once told, they are taken out of the efforts, and all else
+is said of efforts as they acted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.arms.ahead import Ahead, Witness, ahead, compared
+from signlin_ros.arms.data import ArmRun, resized, shifted, with_delays, with_gains
+from signlin_ros.arms.fit import fit
+from signlin_ros.arms.search import DELAY, GAIN, Key, SearchResult
+from signlin_ros.model.arm import ArmModel
+
+if TYPE_CHECKING:
+    from signlin_ros.arms.verbs import ArmDiagnosis
+
+Array = NDArray[np.float64]
+Runs = tuple[Sequence[ArmRun], Sequence[ArmRun]]
+FAULTS = {DELAY: "efforts are put in time", GAIN: "efforts are put in their sizes"}
+"""Laws that are faults of a record, in the order in which they are taken out, and what is done."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fault:
+    """A diagnosis that told faults of one kind, and the laws that are them."""
+
+    diagnosis: ArmDiagnosis
+    laws: tuple[SearchResult, ...]
+
+
+def faults(diagnosis: ArmDiagnosis, law: str) -> tuple[SearchResult, ...]:
+    """Return the faults of one kind that a diagnosis tells and that a model file can hold.
+
+    The gain of a motor that turns two joints is told, and stays: their efforts are both of it.
+    """
+    at_motor = diagnosis.comparison.study.model.arm_plant.at_motor
+    return tuple(f for f in diagnosis.found if f.key.law == law and not (law == GAIN and at_motor[f.key.at]))
+
+
+def delays(diagnosis: ArmDiagnosis) -> Array:
+    """Return by how many seconds the joints' efforts are recorded later than the motion (n,)."""
+    found = np.zeros(diagnosis.state.robot.n)
+    for law in faults(diagnosis, DELAY):
+        found[slice(None) if law.key.at < 0 else law.key.at] += law.values[0]
+    return found
+
+
+def shown(laws: Sequence[SearchResult], n: int) -> Array:
+    """Return how many times what acts the efforts of n joints show, by the gains that were found (n,)."""
+    found = np.ones(n)
+    for law in (law for law in laws if law.key.law == GAIN):
+        found[law.key.at] += law.values[0]
+    return found
+
+
+def put_right(diagnosis: ArmDiagnosis, law: str) -> tuple[ArmModel, Runs]:
+    """Return model and records of a diagnosis without its faults of one kind: the model's file says them."""
+    study = diagnosis.comparison.study
+    known, unseen = study.runs
+    if law == DELAY:
+        late = delays(diagnosis)
+        return with_delays(study.model, late), ([shifted(r, late) for r in known], [shifted(r, late) for r in unseen])
+    gains = shown(faults(diagnosis, GAIN), study.robot.n)
+    return with_gains(study.model, gains), ([resized(r, gains) for r in known], [resized(r, gains) for r in unseen])
+
+
+def not_again(diagnosis: ArmDiagnosis, law: str) -> frozenset[Key]:
+    """Return the laws that efforts which were put right are not asked for again."""
+    at_motor = diagnosis.comparison.study.model.arm_plant.at_motor
+    own = frozenset(Key(law, i) for i in range(len(at_motor)) if not (law == GAIN and at_motor[i]))
+    return own | {Key(law, -1)} if law == DELAY else own
+
+
+def told_with(diagnosis: ArmDiagnosis, before: Sequence[Fault]) -> ArmDiagnosis:
+    """Return a diagnosis of efforts that were put right, with the faults that they had, and figures as before.
+
+    Figures of a joint whose gain was off are all in N·m (N) of what acts.
+    """
+    if not before:
+        return diagnosis
+    assert diagnosis.ahead is not None  # noqa: S101 - for the type checker
+    whole, first = diagnosis.ahead[1], before[0].diagnosis
+    laws = [law for fault in before for law in fault.laws]
+    sizes = shown(laws, diagnosis.state.robot.n)
+    given = {row: getattr(first.comparison.table, row) / sizes for row in ("as_given", "rigid", "basic")}
+    table = replace(diagnosis.comparison.table, **given)
+    told = [(_resized(law, sizes), _foretold(fault, law, whole)) for fault in before for law in fault.laws]
+    told += list(zip(diagnosis.found, diagnosis.witnesses, strict=False))
+    order = [law.key for law in first.found]
+    told.sort(key=lambda pair: order.index(pair[0].key) if pair[0].key in order else len(order))
+    missing = diagnosis.witnesses[len(diagnosis.found) :]
+    return replace(
+        diagnosis,
+        comparison=replace(diagnosis.comparison, table=table),
+        found=tuple(law for law, _ in told),
+        witnesses=(*(witness for _, witness in told), *missing),
+    )
+
+
+def _resized(law: SearchResult, sizes: Array) -> SearchResult:
+    return replace(law, before=law.before / sizes, after=law.after / sizes)
+
+
+def _foretold(fault: Fault, law: SearchResult, whole: Ahead) -> Witness | None:
+    """Return what short forward simulations say of a fault: without it, and of all that was found at last."""
+    state = fault.diagnosis.state
+    design = fault.diagnosis.estimate.design.without(*law.names)
+    return compared(ahead(state, fit(design, state.rows, state.new)), whole, law.key.at)
+
+
+__all__ = ["FAULTS", "Fault", "delays", "faults", "not_again", "put_right", "shown", "told_with"]

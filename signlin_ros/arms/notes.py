@@ -1,0 +1,63 @@
+"""Sentences on a model that is proposed: faults of its URDF, what is written of the record's, and what is told only."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.arms.data import gains_of
+from signlin_ros.arms.search import GAIN, SearchResult
+from signlin_ros.arms.study import Study
+
+if TYPE_CHECKING:
+    from signlin_ros.arms.verbs import ArmDiagnosis
+
+Array = NDArray[np.float64]
+
+
+def urdf_notes(study: Study) -> list[str]:
+    """Return sentences on faults of the URDF."""
+    return [
+        f"URDF: the body that {name} carries cannot exist: its pseudo-inertia has the eigenvalue {value:.2g} kg·m²"
+        for name, value in study.robot.inconsistent().items()
+    ]
+
+
+def resized_notes(diagnosis: ArmDiagnosis) -> list[str]:
+    """Return sentences on the gains that are written, by which all figures of their joints are told."""
+    study = diagnosis.comparison.study
+    now, found = gains_of(study.model), list[str]()
+    for law in (law for law in diagnosis.found if law.key.law == GAIN):
+        i = law.key.at
+        if not study.model.arm_plant.at_motor[i]:
+            name, unit = study.names[i], study.robot.joints[i].effort_unit
+            said = f"{name}: effort.gain is {now[i]:.4g} in the model that is written, and not {_before(law, now):.4g}"
+            found.append(f"{said}; all figures of its effort are in {unit} of that gain")
+    return found
+
+
+def _before(law: SearchResult, now: Array) -> float:
+    return float(now[law.key.at] * (1.0 + law.values[0]))
+
+
+def unwritten(diagnosis: ArmDiagnosis) -> list[str]:
+    """Return sentences on the laws that are told, and that the model which is written has not: its row lacks them."""
+    study, found = diagnosis.comparison.study, list[str]()
+    gains, at_motor = gains_of(study.model), study.model.arm_plant.at_motor
+    for law in (law for law in diagnosis.found if law.key.at >= 0):
+        i, value = law.key.at, float(law.values[0])
+        name, joint = study.names[i], study.robot.joints[i]
+        if law.key.law == GAIN and at_motor[i]:
+            said = f"{name}: its motor turns other joints, too, so the model that is written keeps"
+            said += f" effort.gain {gains[i]:.4g}"
+            found.append(f"{said}, and its row is without the gain that was found ({gains[i] / (1.0 + value):.4g})")
+        elif law.key.law == "compliant_load":
+            stiffness = f"{1.0 / value:.2g} {joint.effort_unit}/{joint.position_unit}"
+            said = f"{name}: its elastic gear, {stiffness}, is told, and not in the model that is written"
+            found.append(f"{said}: its row lacks it")
+    return found
+
+
+__all__ = ["resized_notes", "unwritten", "urdf_notes"]
