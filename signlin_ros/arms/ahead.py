@@ -91,7 +91,7 @@ class ForwardModel:
     """An estimate as a forward model: bodies that exist, motors, friction."""
 
     def __init__(self, state: State, estimate: CoefficientEstimate) -> None:
-        carried = np.zeros(state.robot.pi.size) + state.carried
+        carried = state.point(estimate) + state.carried
         estimate = replace(estimate, theta=consistent(estimate, state.robot.pi, carried))
         values = dict(zip(estimate.design.names, estimate.theta.tolist(), strict=True))
         n, self.P = state.robot.n, state.rows.pieces[0].motors

@@ -42,6 +42,12 @@ def consistent(estimate: CoefficientEstimate, start: Array, carried: Array) -> A
     return np.concatenate([pi, theta[k:] - inner @ (pi - estimate.pi)])
 
 
+def existing(pi: Array) -> Array:
+    """Return bodies (10 n,) that exist, near some of which a rounding may have taken that."""
+    bodies = pi.reshape(-1, TEN)
+    return np.concatenate([body if least_eigenvalue(body) > 0.0 else _near(body) for body in bodies])
+
+
 def _near(pi: Array) -> Array:
     """Return a body (10,) that exists, near one that may not."""
     values, vectors = np.linalg.eigh(pseudo_inertia(pi))
@@ -89,4 +95,4 @@ _UNITS = np.stack([pseudo_inertia(unit) for unit in np.eye(TEN)])
 """Pseudo-inertias (10, 4, 4) of a unit of each parameter."""
 
 
-__all__ = ["consistent"]
+__all__ = ["consistent", "existing"]

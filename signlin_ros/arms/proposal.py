@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.arms.consistent import consistent
+from signlin_ros.arms.consistent import consistent, existing
 from signlin_ros.arms.fit import CoefficientEstimate
 from signlin_ros.arms.laws import across_gravity
 from signlin_ros.arms.search import Key, State
@@ -35,12 +35,11 @@ class Proposal:
 def proposal(study: Study, state: State, estimate: CoefficientEstimate) -> Proposal:
     """Return the model that an estimate says, the robot's bodies made consistent where the file asks for that."""
     model, robot = study.model, study.robot
-    carried = np.asarray(study.carried, dtype=float)
-    theta = consistent(estimate, robot.pi, carried) if model.arm.consistent else estimate.theta
-    values = dict(zip(estimate.design.names, theta.tolist(), strict=True))
+    estimate, bodies = _bodies(study, state, estimate)
+    values = dict(zip(estimate.design.names, estimate.theta.tolist(), strict=True))
     source = model.arm.robot
     text = source if model.arm.is_text else (model.folder / source).read_text(encoding="utf-8")
-    urdf = with_inertias(text, robot, theta[: 10 * robot.n] - carried)
+    urdf = with_inertias(text, robot, bodies)
     motors = state.rows.pieces[0].motors[: robot.n]
     content = {
         **{k: v for k, v in model.to_dict().items() if k not in robot.names and k != "couplings"},
@@ -52,6 +51,24 @@ def proposal(study: Study, state: State, estimate: CoefficientEstimate) -> Propo
     for i, name in enumerate(robot.names):
         content[name] = _section(study, state, values, i, parted(motors))
     return Proposal(ArmModel.from_dict(content, model.source, model.folder), urdf)
+
+
+def _bodies(study: Study, state: State, estimate: CoefficientEstimate) -> tuple[CoefficientEstimate, Array]:
+    """Return an estimate, and the bodies (10 n,) of its links beside what they carry; they exist where the file asks.
+
+    A payload is written as a point, so its links are what is left beside the inertia of that.
+    """
+    start, carried = study.robot.pi, study.carried
+    if not study.model.arm.consistent:
+        return estimate, estimate.pi - carried - state.point(estimate)
+    found = estimate
+    for _ in range(PAYLOAD_ROUNDS if "payload.m" in estimate.design.names else 1):
+        found = replace(estimate, theta=consistent(estimate, start, carried + state.point(found)))
+    return found, existing(found.pi - carried - state.point(found))
+
+
+PAYLOAD_ROUNDS = 3
+"""Times that links are made consistent beside a payload, which moves a little with them."""
 
 
 def placed(proposal: Proposal, output: str | Path) -> tuple[str, str, Path]:

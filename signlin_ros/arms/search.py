@@ -32,7 +32,7 @@ from signlin_ros.arms.laws import (
 )
 from signlin_ros.arms.piece import RegressionRows
 from signlin_ros.robots import Robot
-from signlin_ros.robots.inertia import TEN, moved
+from signlin_ros.robots.inertia import TEN, about_centre, moved
 
 Array = NDArray[np.float64]
 DOUBT = 1e-4
@@ -90,7 +90,8 @@ class SearchResult:
 class State:
     """Where a search stands: the rows, the laws in the model so far, and what they were found by.
 
-    ``barred``: joints of which nothing is told; ``known``: laws that are not searched for.
+    ``barred``: joints of which nothing is told; ``known``: laws that are not searched for; ``lumped`` (10 n,): the
+    inertia of a payload that was found, as that of a point, which its columns leave out.
     """
 
     robot: Robot
@@ -104,6 +105,7 @@ class State:
     carried: Array | float = 0.0
     tilts: bool = True
     known: frozenset[Key] = frozenset()
+    lumped: Array | float = 0.0
     terms: list[tuple[Key, JointLaw | None]] = field(default_factory=list)
     found: list[SearchResult] = field(default_factory=list)
 
@@ -120,17 +122,32 @@ class State:
 
     def body(self, estimate: CoefficientEstimate) -> Array:
         """Return the inertial parameters (10 n,), a payload that was found on them."""
-        pi: Array = estimate.pi.copy()
+        return np.asarray(estimate.pi + self._found(estimate))
+
+    def _found(self, estimate: CoefficientEstimate) -> Array:
+        """Return mass and first moment of a payload that was found (10 n,), in its joint's frame."""
+        found = np.zeros(TEN * self.robot.n)
         if "payload.m" in estimate.design.names and self.payload_at is not None:
             joint, R, t = self.payload_at
             own = np.zeros(TEN)
-            own[:4] = [estimate[f"payload.{name}"] for name in ("m", "mx", "my", "mz")]
-            pi[TEN * joint : TEN * (joint + 1)] += moved(own, R, t)
-        return pi
+            own[:4] = [estimate[name] for name in names_of(Key("payload", -1))]
+            found[TEN * joint : TEN * (joint + 1)] = moved(own, R, t)
+        return found
+
+    def point(self, estimate: CoefficientEstimate) -> Array:
+        """Return what a payload that was found, as a point, adds to the inertia beside its mass and moment (10 n,)."""
+        added = np.zeros(TEN * self.robot.n)
+        if "payload.m" in estimate.design.names and self.payload_at is not None:
+            part = slice(TEN * self.payload_at[0], TEN * (self.payload_at[0] + 1))
+            whole = (self._found(estimate) + self.carried)[part]
+            m, h = float(whole[0]), whole[1:4]
+            if m > 0.0:
+                added[part] = about_centre(m, h / m, np.zeros((3, 3))) - whole
+        return added
 
     def design(self, loads: Loads) -> FitDesign:
         """Return the design of all that is in the model so far."""
-        found = rigid(self.robot, self.tolerance, self.rows, self.new, self.carried)
+        found = rigid(self.robot, self.tolerance, self.rows, self.new, self.carried + self.lumped)
         for i, law in self.basic:
             known, unseen = (column(law, 0.0, r, i, loads) for r in self.both)
             found = found.plus((f"{i}.{law.effect}.{law.linear}",), known, unseen)
@@ -236,6 +253,7 @@ def settled(state: State, estimate: CoefficientEstimate | None = None) -> Coeffi
     """Return the fit of all that is in the model, the loads of its friction being its own."""
     for _ in range(2):
         estimate = fit(state.design(state.loads(estimate)), state.rows, state.new)
+        state.lumped = state.point(estimate)
         if not any(law is None or law.loaded for _, law in state.terms):
             break
     return estimate  # type: ignore[return-value]

@@ -372,7 +372,8 @@ def _robot(diagnosis: ArmDiagnosis, told: Sequence[tuple[int, str]]) -> str:
     if diagnosis.only_payload and diagnosis.payload:
         value, error, unit = diagnosis.payload["m"]
         said.append(f"payload on {study.payload_link}: {value:.3g} ± {error:.2g} {unit}, nothing else fitted")
-    return "; ".join(said) or "no payload, wrong gain, delay, tilt or coupling is seen"
+    gain = "" if any(f.key.law == GAIN for f in diagnosis.found) else "wrong gain, "
+    return "; ".join(said) or f"no payload, {gain}delay, tilt or coupling is seen"
 
 
 CANNOT = (

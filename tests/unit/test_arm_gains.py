@@ -1,0 +1,97 @@
+"""Efforts whose gain is off: told of their joint, written, and as good in the new file as was promised."""
+
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from signlin_ros.arms.data import ArmRun, gains_of, resized, with_gains
+from signlin_ros.arms.faults import not_again, shown, told_with
+from signlin_ros.arms.search import DELAY, GAIN, Key, SearchResult
+from signlin_ros.cli import main
+from signlin_ros.model import Model
+from tests.arm_records import record, small, written
+
+MODEL, SHOULDER, N = small(), 1, 3
+
+
+def test_efforts_are_put_in_their_sizes():
+    t, q, v, u = record(MODEL, 1, duration=3.0)
+    run = ArmRun(t, q, v, u, "simulated", np.array([0.0, 0.2, 0.0]))
+    right = resized(run, np.array([1.0, 0.8, 1.0]))
+    np.testing.assert_allclose(right.tau[:, SHOULDER], u[:, SHOULDER] / 0.8)
+    np.testing.assert_array_equal(right.tau[:, [0, 2]], u[:, [0, 2]])
+    assert right.steps.tolist() == pytest.approx([0.0, 0.25, 0.0])
+
+
+def test_a_file_says_the_gain_that_was_found_and_keeps_the_unit(tmp_path):
+    gains = np.array([1.0, 0.8, 1.0])
+    model = with_gains(MODEL, gains)
+    assert gains_of(model).tolist() == [1.0, 1.25, 1.0]
+    content = {**model.to_dict(), "robot": str(MODEL.folder / MODEL.arm.robot)}
+    again = Model.from_dict(content)
+    assert gains_of(again).tolist() == [1.0, 1.25, 1.0]
+    assert [effort.unit for _, effort in again.arm.efforts] == ["N·m"] * N
+    current = Model.from_dict({**content, "elbow": {"effort": {"gain": 8.0}}})
+    other = with_gains(current, np.array([1.0, 1.0, 0.5]))
+    assert gains_of(other).tolist() == [1.0, 1.25, 16.0]
+    assert dict(other.arm.efforts)["elbow"].unit == "A"
+    same = Model.from_dict({**other.to_dict(), "robot": content["robot"]})
+    assert (gains_of(same).tolist(), same.arm.efforts) == (gains_of(other).tolist(), other.arm.efforts)
+
+
+def law(key, value, worth=1.0):
+    one = np.ones(N)
+    return SearchResult(key, (f"{key.at}.{key.law}",), np.array([value]), np.array([0.01]), 2.0 * one, one, worth)
+
+
+def diagnosed(*laws, at_motor=(False,) * N):
+    study = SimpleNamespace(model=SimpleNamespace(arm_plant=SimpleNamespace(at_motor=at_motor)))
+    table = SimpleNamespace()
+    return SimpleNamespace(comparison=SimpleNamespace(study=study, table=table), found=laws)
+
+
+def test_sizes_are_those_of_the_gains_that_were_found():
+    assert shown([law(Key(GAIN, 2), -0.15), law(Key(DELAY, 0), 0.01)], N).tolist() == [1.0, 1.0, 0.85]
+
+
+def test_a_fault_that_was_put_right_is_not_asked_for_again():
+    assert not_again(diagnosed(), GAIN) == {Key(GAIN, i) for i in range(N)}
+    assert not_again(diagnosed(at_motor=(False, True, True)), GAIN) == {Key(GAIN, 0)}
+    assert not_again(diagnosed(), DELAY) == {Key(DELAY, i) for i in range(-1, N)}
+
+
+def test_what_had_no_fault_stays_as_it_was_told():
+    whole = diagnosed()
+    assert told_with(whole, []) is whole
+
+
+@pytest.mark.slow
+def test_a_gain_is_written_and_the_new_file_is_as_good_as_was_promised(tmp_path, capsys):
+    names, files = MODEL.robot.names, []
+    for k, seed in enumerate((61, 62)):
+        t, q, v, u = record(MODEL, seed)
+        u[:, SHOULDER] *= 0.85
+        files.append(written(tmp_path / f"{k}.csv", names, t, q, v, u))
+    new, data = str(tmp_path / "new.yaml"), [files[0], "--validation", files[1], "--band", "6", "--json"]
+    assert main(["refine", str(MODEL.source), *data, "-o", new]) == 0
+    said = json.loads(capsys.readouterr().out)
+    (entry,) = said["ranking"]
+    assert entry["effect"] == "shoulder.sensor_gain"
+    assert entry["parameters"]["gain"]["value"] == pytest.approx(0.85, rel=0.03)
+    assert "wrong gain" not in said["sentences"][-1]
+    assert Model.load(new).parameters["shoulder.gain"] == pytest.approx(1.0 / 0.85, rel=0.03)
+    assert main(["compare", new, *data]) == 0
+    again = json.loads(capsys.readouterr().out)
+    for name in names:
+        own, before = again["joints"][name], said["joints"][name]
+        assert own["model"] == pytest.approx(before["model"], rel=1e-3)
+        assert own["effort"] == pytest.approx(before["effort"], rel=1e-3)
+        assert own["model"] <= 1.05 * own["basic"]
+        promised = entry["validation"][f"{name}.effort"]
+        assert own["model"] <= 1.05 * promised["after"]
+    worst = max(said["joints"][name]["basic"] / again["joints"][name]["model"] for name in names)
+    assert worst > 1.5
+    assert main(["diagnose", new, *data]) == 0
+    assert json.loads(capsys.readouterr().out)["verdict"] != "missing"
