@@ -52,6 +52,7 @@ def forward(terms=(), **more):
             + [(key.at, law, key.shape, values[f"{key.at}.{key.law}"]) for key, law in terms]
         ),
         body=lambda _: MODEL.robot.pi,
+        point=lambda _: 0.0 * MODEL.robot.pi,
     )
     estimate = Estimate(SimpleNamespace(names=tuple(values)), np.array(list(values.values())))
     return ForwardModel(state, estimate)
