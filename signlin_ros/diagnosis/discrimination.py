@@ -63,7 +63,8 @@ def _number(value: float | None, other: float) -> float:
 class RefittedRival:
     """A rival refitted to the records, ``best``; ``least``: with what it adds no smaller than is of interest, the same
     where nothing says what is; ``size``: the parameter that says so, ``stiff`` whether that is large where the rival
-    adds nothing; ``at``: the rival with it held at a part of that size, None where it diverges.
+    adds nothing; ``at``: the rival with it held at a part of that size, None where it diverges; ``of_interest``: as
+    it was planned.
     """
 
     effects: tuple[str, ...]
@@ -72,6 +73,7 @@ class RefittedRival:
     size: str = ""
     stiff: bool = False
     at: Callable[[float], tuple[float, FittedModel | None]] = lambda share: (share, None)
+    of_interest: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
 def refitted(evidence: Evidence, rivals: Sequence[PlannedRival]) -> tuple[RefittedRival, ...]:
@@ -109,16 +111,22 @@ def _refitted(evidence: Evidence, rival: PlannedRival) -> RefittedRival | None:
         held = {**rival.of_interest, size: (value, value)}
         return value, motion.fitted_from(rival.effects, starts, held)
 
-    return RefittedRival(rival.effects, best, least or best, size, stiff, at)
+    return RefittedRival(rival.effects, best, least or best, size, stiff, at, rival.of_interest)
 
 
 def discriminated(evidence: Evidence, selection: Selection, rivals: Sequence[RefittedRival]) -> Selection:
-    """Return a selection after the rivals of a plan were refitted: the simplest of those that are surely better, or
-    that are simpler and as good, takes the place of what was chosen, and then the estimates do not differ any more. Its
-    parameters need not be known one by one, as those of a law must that nobody asked for: that simpler laws lose says
-    that it is not nothing.
+    """Return a selection after the rivals of a plan were refitted, with more beside them where they need it."""
+    selection = _displaced(evidence, selection, rivals)
+    more = with_more(evidence, selection.chosen, rivals)
+    return replace(_displaced(evidence, selection, more), rivals=(*rivals, *more))
+
+
+def _displaced(evidence: Evidence, selection: Selection, rivals: Sequence[RefittedRival]) -> Selection:
+    """Return a selection in which the simplest of the rivals that are surely better, or that are simpler and as good,
+    takes the place of what was chosen, and then the estimates do not differ any more. Its parameters need not be known
+    one by one, as those of a law must that nobody asked for: that simpler laws lose says that it is not nothing.
     """
-    final, held = selection.chosen, replace(selection, rivals=tuple(rivals))
+    final = selection.chosen
     good = [
         one.best for one in rivals if len(one.effects) <= max(len(final.effects), 1) and _better(evidence, final, one)
     ]
@@ -126,8 +134,32 @@ def discriminated(evidence: Evidence, selection: Selection, rivals: Sequence[Ref
     near = [f for f in good if best and (f is best or _no_worse(evidence, best, f))]
     near = near or [one.best for one in rivals if _as_good(evidence, final, one.best)]
     if not near:
-        return held
-    return replace(held, chosen=min(near, key=lambda f: (len(f.effects), f.n_parameters, f.log_mse)), conflict="")
+        return selection
+    return replace(selection, chosen=min(near, key=lambda f: (len(f.effects), f.n_parameters, f.log_mse)), conflict="")
+
+
+def with_more(evidence: Evidence, final: FittedModel, rivals: Sequence[RefittedRival]) -> tuple[RefittedRival, ...]:
+    """Return the rivals with the effects beside them that a rival needs as well and no plan knew of: what is named
+    first, as one of them. None where nothing is needed beside a rival, where that leaves more than noise, or where one
+    of them cannot be refitted: then they were not all held against what is named.
+    """
+    known = {name for r in rivals for name in r.effects}
+    more = tuple(name for name in final.effects if name not in known)
+    own = set(final.effects) - set(more)
+    if not more or not any(own and own == set(r.effects) for r in rivals) or leaves_structure(evidence, final):
+        return ()
+    others = [r for r in rivals if r.effects and not own <= set(r.effects)]
+    found = refitted(evidence, [_planned_with(r, final, more) for r in others])
+    return (RefittedRival(final.effects, final, final), *found) if len(found) == len(others) else ()
+
+
+def _planned_with(rival: RefittedRival, final: FittedModel, more: Sequence[str]) -> PlannedRival:
+    """Return a rival with some effects of another model beside it, as that has them."""
+    model = rival.best.model
+    for key, use in final.model.effects.items():
+        if use.type in more and key not in model.effects:
+            model = model.with_effect(use.type, key, **use.parameters)
+    return PlannedRival((*rival.effects, *more), (model,), rival.of_interest)
 
 
 def _as_good(evidence: Evidence, final: FittedModel, f: FittedModel) -> bool:
@@ -216,9 +248,9 @@ def doubts_of(evidence: Evidence, rivals: Sequence[RefittedRival], final: Fitted
     """Return why what is named after a planned experiment is not confirmed.
 
     That a rival loses says that another is right only if one of them is. So what is named must be a rival, or a law
-    that is enough by itself; two laws of which no rival has both were not held against the other rivals with one of
-    these beside them. And where more than noise is left, of the data of the fit or of validation data, that must be
-    little beside what tells a rival apart: no more than the part of `Criteria.max_force_mse_left`.
+    that is enough by itself; two laws of which no rival has both, not even `with_more`, were not held against the other
+    rivals with one of these beside them. And where more than noise is left, of the data of the fit or of validation
+    data, that must be little beside what tells a rival apart: no more than the part of `Criteria.max_force_mse_left`.
     """
     if not rivals or not final.effects:
         return Doubts()
@@ -264,4 +296,5 @@ __all__ = [
     "refitted",
     "share_left",
     "undecided",
+    "with_more",
 ]

@@ -7,7 +7,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from signlin_ros.effects.base import Effect
+from signlin_ros.effects.interest import MIN_SIZE_SHARE, Bounds, at_least, soft
 from signlin_ros.par import Par
+from signlin_ros.scale import Scale
 
 MIN_PINCHING = 0.02
 """Share of the stiffness that must be gone for loops to be pinched."""
@@ -51,6 +53,13 @@ class PinchingHysteresis(Effect):
     def plausible(cls, p: Mapping[str, float]) -> bool:
         """Refuse what slips up to where it settles: that is Dahl's friction of less stiffness."""
         return p["sigma"] * p["z_p"] < MAX_SLIP_FORCE * p["F_c"]
+
+    @classmethod
+    def of_interest(cls, p: Mapping[str, float], scale: Scale) -> dict[str, Bounds]:
+        """What hardly slips, over hardly any way, or is too stiff to be seen yielding, is dry friction."""
+        way = p["F_c"] / min(p["sigma"], soft(scale)[1])
+        slips = (MIN_SIZE_SHARE * way, MAX_SLIP_FORCE * way)
+        return {"zeta": at_least(MIN_SIZE_SHARE), "z_p": slips, "sigma": soft(scale)}
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         return -p.sigma * x.own.z

@@ -7,7 +7,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from signlin_ros.effects.base import Effect
+from signlin_ros.effects.interest import MIN_SIZE_SHARE, Bounds, at_least, soft
 from signlin_ros.par import Par
+from signlin_ros.scale import Scale
 
 MIN_GAP_SHARE = 0.02
 """Share of the elastic way beneath which a gap is not worth its name."""
@@ -52,6 +54,11 @@ class PlayFriction(Effect):
     def simpler(cls, p: Mapping[str, float]) -> dict[str, dict[str, float]]:
         dahl = {"F_c": p["F_c"], "sigma": p["sigma"]}
         return {"dahl_presliding": dahl} if p["gap"] < MIN_GAP_SHARE * p["F_c"] / p["sigma"] else {}
+
+    @classmethod
+    def of_interest(cls, p: Mapping[str, float], scale: Scale) -> dict[str, Bounds]:
+        way = p["F_c"] / min(p["sigma"], soft(scale)[1])
+        return {"gap": at_least(MIN_SIZE_SHARE * way), "sigma": soft(scale)}
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         return -p.sigma * m.dead_zone(x.own.z, p.gap)

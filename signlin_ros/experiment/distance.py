@@ -27,7 +27,8 @@ Pair = tuple[int, int]
 MODEL_ERROR_FLOOR = 0.01
 """Part of a channel's spread that a model is never believed to: a floor for its error."""
 MAX_REFIT_STEPS, ENDS = 8, 0.01
-"""Most steps of a refit, and the part of its cost by which the last one must still lower it."""
+"""Most steps of a refit, and the part of its cost by which one must lower it: beyond that of noise, or of the best
+refit so far."""
 MARGIN_STARTS = 2
 """Sigma points from which the wrong rival of a noisy record is refitted, beside its estimate."""
 LOST = 1e12
@@ -87,12 +88,10 @@ class RivalBench:
         found = follow_records(self.problem, replace(c.candidate, starts={}), theta, self.gains, True, (s,))
         if found is None:
             return None
-        spread = np.hypot(self.spread, MODEL_ERROR_FLOOR * s.y.std(axis=0))
-        e = found[0][0] / spread
-        slopes = found[1][0][:, :, : theta.size] / spread[:, None] * c.candidate.slopes(theta)
-        if not (np.isfinite(e).all() and np.isfinite(slopes).all()):
-            return None
-        return e.ravel(), slopes.reshape(-1, theta.size)
+        unit = 1.0 / np.hypot(self.spread, MODEL_ERROR_FLOOR * s.y.std(axis=0))
+        e = (found[0][0] * unit).ravel()
+        slopes = (found[1][0][:, :, : theta.size] * np.outer(unit, c.candidate.slopes(theta))).reshape(-1, theta.size)
+        return (e, slopes) if np.isfinite(e).all() and np.isfinite(slopes).all() else None
 
     def linear(self, j: int, s: PreparedSegment) -> float:
         """Return the distance of a rival from a record after one linear refit: for screening, and never shown."""
@@ -110,11 +109,9 @@ class RivalBench:
         """Return the distance of a rival from a record after a refit by Levenberg and Marquardt's method from its
         estimate, or from the best of some starts, and where it arrived.
         """
-        c, best = self.contenders[j], (LOST, self.contenders[j].theta)
-        for start in [c.theta] if starts is None else starts:
-            found = self._descended(c, s, start)
-            best = min(best, found, key=lambda one: one[0])
-        return (best[0] if best[0] >= LOST else _compressed(best[0], s)), best[1]
+        c = self.contenders[j]
+        cost, theta = self._best(c, s, [c.theta] if starts is None else starts)
+        return (cost if cost >= LOST else _compressed(cost, s)), theta
 
     def squares(self, j: int, s: PreparedSegment, theta: Array) -> float:
         """Return the squares that a rival leaves of a record at some coordinates, in units of what a model leaves."""
@@ -126,15 +123,34 @@ class RivalBench:
         one, which leaves ``own`` squares: refitted with what first records know, the variance unknown.
         """
         other = self.contenders[pair[1]]
-        starts = [other.theta, *other.sigma_points[:MARGIN_STARTS]]
-        cost = min(self._descended(other, s, x)[0] for x in starts)
+        cost, _ = self._best(other, s, [other.theta, *other.sigma_points[:MARGIN_STARTS]], own)
         return 0.0 if max(own, cost) >= LOST else float(s.y.size * np.log(cost / max(own, 1e-12)))
 
     def left(self, i: int, s: PreparedSegment, theta: Array) -> float:
-        """Return the squares that a rival leaves of a record, refitted from some coordinates."""
-        return self._descended(self.contenders[i], s, theta)[0]
+        """Return the squares that a rival leaves of a noisy record of itself, refitted from its true coordinates; where
+        it cannot be followed there, as a bristle that is too stiff for the samples, from those that a diagnosis starts
+        from.
+        """
+        c = self.contenders[i]
+        cost = self._descended(c, s, theta)[0]
+        starts = [c.theta, *c.sigma_points[:MARGIN_STARTS]]
+        return cost if cost < LOST else self._best(c, s, starts, float(s.y.size))[0]
 
-    def _descended(self, c: Contender, s: PreparedSegment, theta: Array) -> tuple[float, Array]:
+    def _best(
+        self, c: Contender, s: PreparedSegment, starts: Sequence[Array], noise: float = 0.0
+    ) -> tuple[float, Array]:
+        """Return the least cost of refits from some starts, and where; ``noise``: the part of it that is noise's."""
+        best = (LOST, c.theta)
+        for start in starts:
+            best = min(best, self._descended(c, s, start, noise, best[0]), key=lambda one: one[0])
+        return best
+
+    def _descended(
+        self, c: Contender, s: PreparedSegment, theta: Array, noise: float = 0.0, known: float = LOST
+    ) -> tuple[float, Array]:
+        """Return the cost of a refit from a start, and where it arrived: it ends where it gains no more, or foretells
+        after a step to end no lower than what is ``known`` from another start.
+        """
         low, high = c.bounds
         found = self._followed(c, theta, s)
         if found is None:
@@ -142,10 +158,14 @@ class RivalBench:
         e, D = found
         apart = theta - c.theta
         cost, damping = float(e @ e + apart @ c.information @ apart), 1e-3
-        for _ in range(MAX_REFIT_STEPS):
+        for k in range(MAX_REFIT_STEPS):
             normal = D.T @ D + c.information
             slope = D.T @ e + c.information @ (theta - c.theta)
             new = bounded_step(theta, slope, normal, damping, low, high)
+            step, most = new - theta, min(cost, known if k else LOST)
+            foretold = cost + float(2.0 * slope @ step + step @ normal @ step)
+            if cost < 1.0 or foretold > most - ENDS * max(most - noise, 1.0):
+                break
             trial = self._followed(c, new, s)
             apart = new - c.theta
             value = LOST if trial is None else float(trial[0] @ trial[0] + apart @ c.information @ apart)
@@ -153,7 +173,7 @@ class RivalBench:
                 damping *= 10.0
                 continue
             gained, cost, theta, (e, D), damping = cost - value, value, new, trial, damping / 8
-            if gained < ENDS * cost or cost < 1.0:
+            if gained < ENDS * max(cost - noise, 1.0):
                 break
         return cost, theta
 

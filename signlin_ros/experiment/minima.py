@@ -1,4 +1,5 @@
-"""Minima of a rival on the first records: what simpler laws lead to, and what else makes and breaks contact there.
+"""Minima of a rival on the first records: what simpler laws lead to, what else makes and breaks contact there, and the
+ends of what they leave open.
 
 A richer law that is left in a minimum in which it follows a record worse than the simpler law that it contains would
 count as excluded; and one of several minima that the records leave may be the true one.
@@ -22,6 +23,9 @@ from signlin_ros.model.numbers import numbers
 
 EXCLUDED = 60.0
 """-2 log likelihood of the first records beyond the best rival's from which on one needs no experiment."""
+OPEN, LEFT_OPEN = 1.0, 4.0
+"""Within which a smaller size is as likely: one standard error; within which records leave the end of a range open: two
+of them."""
 REFIT_STEPS = 8
 """Steps of a refit to the first records."""
 MINIMA_FITTED, MOST_MINIMA, MINIMA_APART = 8, 2, 0.5
@@ -100,4 +104,28 @@ def with_minima(problem: Problem, c: Contender, gains: ObserverGains, check: Cal
     return replace(c, theta=found[0].theta, information=found[0].hessian, minima=others)
 
 
-__all__ = ["EXCLUDED", "REFIT_STEPS", "led", "led_by", "overlap", "with_minima"]
+def with_ends(problem: Problem, c: Contender, gains: ObserverGains) -> Contender:
+    """Return a rival with the ends between which a parameter is of interest, where the first records leave it open up
+    to them: an estimate somewhere between says nothing of these, nor does what is a standard error beside it. The size
+    stays as small as it is.
+    """
+    own = replace(c.candidate, starts={})
+    best = evaluated(problem, own, c.theta, gains, False) if c.size else None
+    if c.size is None or best is None:
+        return c
+    found, size = list(c.minima), c.index(c.size.name)
+    for name, sides in c.size.bounds.items():
+        i = c.index(name)
+        for end in [own.coordinates[i].theta(value) for value in sides if i != size and np.isfinite(sides).all()]:
+            if abs(end - c.theta[i]) < MINIMA_APART:
+                continue
+            start = np.where(np.arange(c.theta.size) == i, end, c.theta)
+            low, high = (np.where(np.isin(np.arange(start.size), (i, size)), start, side) for side in c.bounds)
+            bounds = zip(own.coordinates, low.tolist(), high.tolist(), strict=True)
+            held = replace(own, coordinates=tuple(replace(k, low=a, high=b) for k, a, b in bounds))
+            f = fit(problem, held, gains, start, REFIT_STEPS)
+            found += [f.theta] if f is not None and f.objective < best.objective + LEFT_OPEN else []
+    return replace(c, minima=tuple(found))
+
+
+__all__ = ["EXCLUDED", "OPEN", "REFIT_STEPS", "led", "led_by", "overlap", "with_ends", "with_minima"]

@@ -51,12 +51,12 @@ def open_names(content: Mapping[str, Any]) -> list[str]:
 
 
 def _sized_kin(content: Mapping[str, Any], names: Sequence[str]) -> list[str]:
-    """Return the laws that have a size of interest of the families of some rivals: a simpler one is not confirmed
-    before they lose.
+    """Return the laws that contain a simpler one, and have a size of interest, of the families of some rivals: the
+    simpler one is not confirmed before they lose.
     """
     families = {_family(name) for name in names} - {""}
     there = [e["effect"] for e in content["ranking"] if e["status"] != "not_applicable"]
-    sized = [n for n in there if is_sized(n) and _family(n) in families and n not in names]
+    sized = [n for n in there if is_sized(n) and EFFECTS[n].contains and _family(n) in families and n not in names]
     return sorted(sized, key=lambda n: len(EFFECTS[n].pars()))[:MAX_SIZED_KIN]
 
 

@@ -22,7 +22,7 @@ from signlin_ros.follow.segments import PreparedSegment
 
 Array = NDArray[np.float64]
 MACHINES_DRAWN = 8
-"""Machines drawn of each rival, of which every other one is refitted to a noisy record."""
+"""Machines drawn of each rival, each of which the others are refitted to a noisy record of."""
 LARGEST_REFITTED = 3
 """Commands of the largest linear distance of a pair that are refitted, to say what any command would show."""
 
@@ -114,12 +114,9 @@ def _expected(search: CommandSearch, u: Array, pair: Pair) -> float:
     """Return the smallest distance from a rival's estimate or one of its sigma points, the other one refitted from its
     estimate and from its sigma points.
     """
-    bench, (i, j), values = search.bench, pair, list[float]()
-    for theta in (bench.contenders[i].theta, *bench.contenders[i].sigma_points[:SIGMA_POINTS]):
-        run = bench.run(i, search.t, u, theta)
-        if run is not None:
-            values.append(search.distance(j, bench.segment(i, run, theta)))
-    return min(values, default=0.0)
+    c = search.bench.contenders[pair[0]]
+    values = [search.distance(pair, u, theta) for theta in (c.theta, *c.sigma_points[:SIGMA_POINTS])]
+    return min((v for v in values if np.isfinite(v)), default=0.0)
 
 
 def _most(search: CommandSearch, ways: Sequence[Pair], every: Sequence[Pair], whole: Sequence[CommandTrial]) -> float:

@@ -91,6 +91,7 @@ class CommandSearch:
     pairs: list[Pair] = field(default_factory=list)
     tried: list[CommandTrial] = field(default_factory=list)
     refused: dict[str, int] = field(default_factory=dict)
+    kept: dict[tuple[Pair, bytes, bytes], float] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         """Ask for all pairs, unless some were named."""
@@ -188,18 +189,25 @@ class CommandSearch:
             back = max(back, bench.refitted(i, seen)[0])
             own = [k for k, pair in enumerate(self.pairs) if pair[0] == i]
             for k in sorted(own, key=lambda k: float(sure[k])):
-                sure[k] = min(sure[k], self.distance(self.pairs[k][1], seen))
+                sure[k] = min(sure[k], self.distance(self.pairs[k], one.u, theta, seen))
                 if sure[k] < least:
                     return self._replaced(one, replace(one, back=back, sure=sure))
         certainties = seen_in_windows(bench, self.pairs, self.t, one.u, self.seed)
         done = replace(one, back=back, share=max(share, one.share), sure=sure, certainties=certainties)
         return self._replaced(one, done)
 
-    def distance(self, j: int, seen: PreparedSegment) -> float:
-        """Return the distances of a rival from another one's readings, refitted from estimate and sigma points."""
-        c = self.bench.contenders[j]
-        cost = self.bench.refitted(j, seen, [c.theta, *c.sigma_points[:SIGMA_POINTS]])[0]
-        return 0.0 if cost >= LOST else cost
+    def distance(self, pair: Pair, u: Array, theta: Array, seen: PreparedSegment | None = None) -> float:
+        """Return the distance of the second rival of a pair, refitted from its estimate and its sigma points, from what
+        the first one shows (``seen``) of a command at some coordinates; infinite where that diverges. It is kept.
+        """
+        bench, (i, j), key = self.bench, pair, (pair, u.tobytes(), theta.tobytes())
+        if key not in self.kept:
+            run = None if seen else bench.run(i, self.t, u, theta)
+            seen = bench.segment(i, run, theta) if run else seen
+            c = bench.contenders[j]
+            cost = bench.refitted(j, seen, [c.theta, *c.sigma_points[:SIGMA_POINTS]])[0] if seen else np.inf
+            self.kept[key] = cost if not seen or cost < LOST else 0.0
+        return self.kept[key]
 
     def enough(self, one: CommandTrial) -> bool:
         """Tell whether a command has enough by real refits and by windows of a second run, and every rival comes back

@@ -13,7 +13,7 @@ from signlin_ros.errors import InputError, choices, suggest
 from signlin_ros.experiment.common_scale import NO_EFFECT, unscaled
 from signlin_ros.experiment.contenders import Contender, contender, information_of
 from signlin_ros.experiment.distance import RivalBench
-from signlin_ros.experiment.minima import EXCLUDED, REFIT_STEPS, led, with_minima
+from signlin_ros.experiment.minima import EXCLUDED, OPEN, REFIT_STEPS, led, with_ends, with_minima
 from signlin_ros.fitting.fit import evaluated, fit
 from signlin_ros.fitting.following import follow_records
 from signlin_ros.fitting.gains import ObserverGains
@@ -28,8 +28,6 @@ MAX_PLANNED_RIVALS = 5
 """Most rivals that are planned for: each pair costs refits."""
 UNLIKELY = 20.0
 """And the same from which on a rival is to lose, but is not thought to be true."""
-OPEN = 1.0
-"""Within which a smaller size is as likely: one standard error."""
 OBSERVER_LEVEL = 2
 """Which of the observers a command is judged through: that of the last but one gain, as fits end with."""
 SETTLES, REST_SPEED_SHARE = 0.3, 0.02
@@ -107,7 +105,8 @@ def bench_of(
         c = contender(problem, r.model, r.effects, None)
         c = replace(c, information=information_of(c.candidate, c.theta, r.parameters, r.covariance))
         c = _sized(problem, led(problem, c, gains, others))
-        contenders.append(with_minima(problem, c, gains, check))
+        c = with_ends(problem, with_minima(problem, c, gains, check), gains)
+        contenders.append(c)
         found = follow_records(problem, c.candidate, c.theta, gains, False)
         if found is not None:
             left.append(np.sqrt(np.nanmean(np.concatenate(found[0]) ** 2, axis=0)))

@@ -164,6 +164,60 @@ def test_two_laws_that_no_rival_has_together_are_not_confirmed():
     assert "--between coulomb_friction+cogging_torque,dahl_presliding+cogging_torque" in said
 
 
+def with_models(effects, errs, noise=True):
+    """Return a fit as `fitted`, with its model."""
+    model = motor(**{name: {} for name in effects})
+    known = {"model": model, "implausible": [], "n_parameters": len(effects), "log_mse": errs}
+    return SimpleNamespace(**vars(fitted(*effects, errs=errs, noise=noise)), **known)
+
+
+def held_against(errs, diverges=False, noise=True):
+    """Return what decides on Coulomb friction with a wave beside it, where Dahl's with a wave errs by so much, and its
+    selection; nothing was planned for the wave.
+    """
+    given = evidence()
+    given.base = with_models((), 50.0)
+    given.cache = SimpleNamespace(keep=lambda *fits: None)
+    given.force_mse = lambda f: None
+    asked = []
+
+    def fitted_from(effects, starts, within=None):
+        asked.append((effects, tuple(starts[0].effects)))
+        return None if diverges else with_models(effects, errs)
+
+    more = {"fitted_from": fitted_from, "as_good": lambda best, f: True}
+    better = SimpleNamespace(worsens=lambda worse, alike: False)
+    given.output_error = SimpleNamespace(**vars(given.output_error), **more, improvement=lambda before, after: better)
+    final = with_models(("coulomb_friction", "cogging_torque"), 0.0, noise)
+    alone = [with_models((name,), 20.0) for name in ("coulomb_friction", "dahl_presliding")]
+    selection = discriminated(given, Selection(final), [RefittedRival(f.effects, f, f) for f in alone])
+    return given, selection, asked
+
+
+@pytest.mark.parametrize(("errs", "decided"), [(9.0, True), (1.0, False)])
+def test_what_is_needed_as_well_is_put_beside_every_rival(errs, decided):
+    given, selection, asked = held_against(errs)
+    assert asked == [(("dahl_presliding", "cogging_torque"), ("dahl_presliding", "cogging_torque"))]
+    doubts = doubts_of(given, selection.rivals, selection.chosen)
+    assert not doubts.together
+    assert doubts.of("coulomb_friction") is not decided
+    said = told(given, selection.rivals, selection.chosen, doubts)
+
+    assert ("Not decided: " in said) is not decided
+    assert "dahl presliding+cogging torque" in said
+
+
+def test_a_rival_that_is_better_with_it_takes_the_place():
+    _, selection, _ = held_against(-9.0)
+    assert selection.chosen.effects == ("dahl_presliding", "cogging_torque")
+
+
+@pytest.mark.parametrize("how", [{"diverges": True}, {"noise": False}])
+def test_what_is_needed_as_well_stays_in_doubt_where_not_all_was_held_against_it_or_more_is_left(how):
+    given, selection, _ = held_against(9.0, **how)
+    assert doubts_of(given, selection.rivals, selection.chosen).together == ("coulomb_friction", "cogging_torque")
+
+
 def test_two_laws_that_are_no_rivals_at_all_are_told_as_that():
     rivals, final = [rival("coulomb_friction", errs=9.0)], fitted("gravity_load", "cogging_torque")
     said = told(evidence(), rivals, final, doubts_of(evidence(), rivals, final))

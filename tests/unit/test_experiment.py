@@ -133,6 +133,12 @@ def test_a_size_that_the_first_record_leaves_open_is_the_least_of_interest(one_w
     values = c.candidate.named(c.theta)
     assert values["stribeck_friction.excess"] == pytest.approx(c.size.least)
     assert c.size.least < 0.01
+    ends = [c.candidate.named(one) for one in c.minima]  # nor does the record say how fast it fades
+    told = [values["stribeck_friction.v_s"], *(one["stribeck_friction.v_s"] for one in ends)]
+    assert (min(told), max(told)) == pytest.approx(c.size.bounds["stribeck_friction.v_s"])
+    assert all(one["stribeck_friction.excess"] == pytest.approx(c.size.least) for one in ends)
+    started = [m.effects["stribeck_friction"].parameters["v_s"] for m in c.planned().starts]
+    assert min(started) == pytest.approx(min(told))
 
 
 @pytest.fixture(scope="module")
