@@ -127,7 +127,7 @@ def notes(search: CommandSearch, rest: Sequence[KnownLimits], told: Sequence[Pla
     sized = [c for c in bench.contenders if c.size is not None]
     for c in sized:
         k = c.candidate.coordinates[c.index(c.size.name)] if c.size else None
-        if c.size and k:
+        if c.size and k and c.size.least:  # none of a friction that the first records do not show at all
             name, bound = c.size.name.rpartition(".")[2], "at most" if c.size.stiff else "at least"
             unit = bench.problem.shown(_unit(c.candidate.model, c.size.name))
             value = with_error(c.size.least, 0.2 * c.size.least)[0]
