@@ -81,7 +81,7 @@ def _scaled(c: Contender) -> Contender:
         theta[i] = k.theta(LARGER**power * k.value(float(theta[i])))
         scale[i] = 1.0 if k.log else LARGER**-power
     information = c.information * np.outer(scale, scale)
-    return replace(c, theta=theta, information=information, scale=LARGER, minima=(), told=None, models={})
+    return replace(c, theta=theta, information=information, scale=LARGER, minima=(), behind=(), told=None, models={})
 
 
 def _held(c: Contender) -> Contender:

@@ -33,8 +33,9 @@ SIGMA_DIRECTIONS = 2
 class Contender:
     """A rival: ``effects`` beyond the model as given, the ``candidate`` that a fit moves, its estimate ``theta`` (n,),
     the ``information`` (n, n) of the first records about it, and the smallest ``size`` at which it is of interest;
-    ``told``: the model as it was told, where the estimate may be smaller than that; ``minima``: others of its fit;
-    ``scale``: by how many times its inertia and all its forces are larger than estimated.
+    ``told``: the model as it was told, where the estimate may be smaller than that; ``minima``: others of its fit,
+    ``behind``: -2 log likelihood of each beside the estimate's; ``scale``: by how many times its inertia and all
+    its forces are larger than estimated.
     """
 
     effects: tuple[str, ...]
@@ -44,6 +45,7 @@ class Contender:
     size: Size | None = None
     told: Model | None = field(default=None, repr=False)
     minima: tuple[Array, ...] = ()
+    behind: tuple[float, ...] = ()
     scale: float = 1.0
     models: dict[bytes, Model] = field(default_factory=dict, repr=False)
 
@@ -113,6 +115,13 @@ class Contender:
                 step > 0.0, (high - self.theta) / step, np.where(step < 0.0, (low - self.theta) / step, 1.0)
             )
         return np.asarray(self.theta + min(1.0, max(float(room.min(initial=1.0)), 0.0)) * step)
+
+    def nearest(self, theta: Array) -> tuple[Array, float]:
+        """Return the minimum (n,) of the first records about which coordinates are, and how far it is behind the best:
+        what is known about one of them says nothing of another.
+        """
+        every = ((self.theta, 0.0), *zip(self.minima, self.behind, strict=True))
+        return min(every, key=lambda one: one[1] + float((theta - one[0]) @ self.information @ (theta - one[0])))
 
     def planned(self) -> PlannedRival:
         """Return the rival for a diagnosis of the planned records: starts of fits, and the sizes of interest."""

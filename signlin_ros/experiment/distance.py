@@ -107,10 +107,10 @@ class RivalBench:
 
     def refitted(self, j: int, s: PreparedSegment, starts: Sequence[Array] | None = None) -> tuple[float, Array]:
         """Return the distance of a rival from a record after a refit by Levenberg and Marquardt's method from its
-        estimate, or from the best of some starts, and where it arrived.
+        estimate and its other minima, or from some starts, the best, and where it arrived.
         """
         c = self.contenders[j]
-        cost, theta = self._best(c, s, [c.theta] if starts is None else starts)
+        cost, theta = self._best(c, s, [c.theta, *c.minima] if starts is None else starts)
         return (cost if cost >= LOST else _compressed(cost, s)), theta
 
     def squares(self, j: int, s: PreparedSegment, theta: Array) -> float:
@@ -156,23 +156,25 @@ class RivalBench:
         if found is None:
             return LOST, theta
         e, D = found
-        apart = theta - c.theta
-        cost, damping = float(e @ e + apart @ c.information @ apart), 1e-3
+        known_at, behind = c.nearest(theta)
+        apart = theta - known_at
+        cost, damping = float(e @ e + apart @ c.information @ apart) + behind, 1e-3
         for k in range(MAX_REFIT_STEPS):
             normal = D.T @ D + c.information
-            slope = D.T @ e + c.information @ (theta - c.theta)
+            slope = D.T @ e + c.information @ apart
             new = bounded_step(theta, slope, normal, damping, low, high)
             step, most = new - theta, min(cost, known if k else LOST)
             foretold = cost + float(2.0 * slope @ step + step @ normal @ step)
             if cost < 1.0 or foretold > most - ENDS * max(most - noise, 1.0):
                 break
             trial = self._followed(c, new, s)
-            apart = new - c.theta
-            value = LOST if trial is None else float(trial[0] @ trial[0] + apart @ c.information @ apart)
+            way = new - known_at
+            value = LOST if trial is None else float(trial[0] @ trial[0] + way @ c.information @ way) + behind
             if trial is None or not value < cost:
                 damping *= 10.0
                 continue
             gained, cost, theta, (e, D), damping = cost - value, value, new, trial, damping / 8
+            apart = way
             if gained < ENDS * max(cost - noise, 1.0):
                 break
         return cost, theta

@@ -99,9 +99,9 @@ def with_minima(problem: Problem, c: Contender, gains: ObserverGains, check: Cal
     if not found:
         return c
     others = tuple(f.theta for f in found[1 : 1 + MOST_MINIMA])
-    if found[0].theta is c.theta:
-        return replace(c, minima=others)
-    return replace(c, theta=found[0].theta, information=found[0].hessian, minima=others)
+    behind = tuple(f.objective - found[0].objective for f in found[1 : 1 + MOST_MINIMA])
+    c = replace(c, minima=others, behind=behind)
+    return c if found[0].theta is c.theta else replace(c, theta=found[0].theta, information=found[0].hessian)
 
 
 def with_ends(problem: Problem, c: Contender, gains: ObserverGains) -> Contender:
@@ -113,7 +113,7 @@ def with_ends(problem: Problem, c: Contender, gains: ObserverGains) -> Contender
     best = evaluated(problem, own, c.theta, gains, False) if c.size else None
     if c.size is None or best is None:
         return c
-    found, size = list(c.minima), c.index(c.size.name)
+    found, size = list[Fit](), c.index(c.size.name)
     for name, sides in c.size.bounds.items():
         i = c.index(name)
         for end in [own.coordinates[i].theta(value) for value in sides if i != size and np.isfinite(sides).all()]:
@@ -124,8 +124,9 @@ def with_ends(problem: Problem, c: Contender, gains: ObserverGains) -> Contender
             bounds = zip(own.coordinates, low.tolist(), high.tolist(), strict=True)
             held = replace(own, coordinates=tuple(replace(k, low=a, high=b) for k, a, b in bounds))
             f = fit(problem, held, gains, start, REFIT_STEPS)
-            found += [f.theta] if f is not None and f.objective < best.objective + LEFT_OPEN else []
-    return replace(c, minima=tuple(found))
+            found += [f] if f is not None and f.objective < best.objective + LEFT_OPEN else []
+    behind = (max(f.objective - best.objective, 0.0) for f in found)
+    return replace(c, minima=(*c.minima, *(f.theta for f in found)), behind=(*c.behind, *behind))
 
 
 __all__ = ["EXCLUDED", "OPEN", "REFIT_STEPS", "led", "led_by", "overlap", "with_ends", "with_minima"]

@@ -124,12 +124,15 @@ def _loaded(c: Contender, name: str, more: float) -> Contender:
         values = {**c.candidate.values, name: c.candidate.values[name] + more}
         model = c.candidate.model.with_parameters({name: values[name]})
         return replace(c, candidate=replace(c.candidate, values=values, model=model), models={})
-    i, theta, k = names.index(name), c.theta.copy(), c.candidate.coordinates[names.index(name)]
-    before = k.value(float(theta[i]))
-    theta[i] = k.theta(before + more)
-    scale = np.ones(theta.size)
+    i, k = names.index(name), c.candidate.coordinates[names.index(name)]
+
+    def heavier(theta: Array) -> Array:
+        return np.where(np.arange(theta.size) == i, k.theta(k.value(float(theta[i])) + more), theta)
+
+    scale, before = np.ones(c.theta.size), k.value(float(c.theta[i]))
     scale[i] = (before + more) / before if k.log else 1.0
-    return replace(c, theta=theta, information=c.information * np.outer(scale, scale), models={})
+    information, minima = c.information * np.outer(scale, scale), tuple(map(heavier, c.minima))
+    return replace(c, theta=heavier(c.theta), information=information, minima=minima, models={})
 
 
 def _faster(search: CommandSearch, both: Sequence[Pair]) -> Iterator[tuple[str, float]]:
@@ -184,7 +187,14 @@ def _as_before(problem: Problem, old: Contender) -> Contender:
     information = old.information * np.outer(units, units)
     minima = tuple(moved(one) for one in old.minima)
     return replace(
-        c, theta=theta, information=information, size=old.size, told=old.told, minima=minima, scale=old.scale
+        c,
+        theta=theta,
+        information=information,
+        size=old.size,
+        told=old.told,
+        minima=minima,
+        behind=old.behind,
+        scale=old.scale,
     )
 
 

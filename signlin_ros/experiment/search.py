@@ -171,8 +171,8 @@ class CommandSearch:
 
     def recovered(self, one: CommandTrial, least: float = 0.0) -> CommandTrial:
         """Return a command with real distances from sigma points too, and the largest cost at which a rival, refitted
-        from its estimate, misses itself at one; infinite where one leaves the limits. It is given up, without windows,
-        once a distance is less than ``least``.
+        from its estimate and its other minima, misses itself at one; infinite where one leaves the limits. It is given
+        up, without windows, once a distance is less than ``least``.
         """
         if one.sure is not None:
             return one
