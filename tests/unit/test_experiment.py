@@ -33,7 +33,7 @@ from signlin_ros.experiment.minima import led_by, overlap
 from signlin_ros.experiment.naming import open_names, with_named
 from signlin_ros.experiment.parts import PART_KINDS, Part, in_words, rendered, slowed
 from signlin_ros.experiment.plan import ExperimentPlan
-from signlin_ros.experiment.search import CommandSearch, changed
+from signlin_ros.experiment.search import NEEDED_EVIDENCE, CommandSearch, changed
 from signlin_ros.experiment.setting import KnownLimits, bench_of, chosen
 from signlin_ros.experiment.verbs import ended, experiment
 from signlin_ros.fitting.problem import prepare
@@ -129,7 +129,8 @@ BETWEEN = ("--between", "coulomb_friction,constant_load")
 def test_a_size_that_the_first_record_leaves_open_is_the_least_of_interest(one_way):
     """Where it never turned slowly, a breakaway friction of 6 N·m would have shown nothing, and no command moved it."""
     model, data, _ = load_sides(Model.load(one_way / "model.yaml"), [one_way / "first.csv"], ())
-    (c,) = bench_of(model, data, with_named([], model, data, ["stribeck_friction"])).contenders
+    bench = bench_of(model, data, with_named([], model, data, ["stribeck_friction"]))
+    (c,) = bench.contenders
     values = c.candidate.named(c.theta)
     assert values["stribeck_friction.excess"] == pytest.approx(c.size.least)
     assert c.size.least < 0.01
@@ -139,6 +140,10 @@ def test_a_size_that_the_first_record_leaves_open_is_the_least_of_interest(one_w
     assert all(one["stribeck_friction.excess"] == pytest.approx(c.size.least) for one in ends)
     started = [m.effects["stribeck_friction"].parameters["v_s"] for m in c.planned().starts]
     assert min(started) == pytest.approx(min(told))
+    shown = bench.segment(
+        0, bench.run(0, T, np.sin(np.pi * T), c.minima[0]), c.minima[0]
+    )  # and a refit comes back to either end
+    assert bench.refitted(0, shown)[0] < NEEDED_EVIDENCE < bench.refitted(0, shown, [c.theta])[0]
 
 
 @pytest.fixture(scope="module")
@@ -565,3 +570,26 @@ def test_points_beside_an_estimate_are_within_bounds_and_a_standard_error_away_a
         assert (x - theta) @ information @ (x - theta) <= 1.0 + 1e-9
     for x in c.drawn(np.random.default_rng(1), 50):
         assert np.all((x >= low - 1e-12) & (x <= high + 1e-12))
+
+
+@pytest.mark.parametrize(("theta", "at"), [([0.4, 0.0], 0), ([0.9, 0.0], 1), ([0.6, 0.0], 0)])
+def test_what_is_known_about_one_minimum_is_not_asked_of_another(theta, at):
+    """The last one is nearer to the second, which the first records leave behind."""
+    every = (np.zeros(2), np.array([1.0, 0.0]))
+    c = Contender((), SimpleNamespace(), every[0], 9.0 * np.eye(2), minima=every[1:], behind=(4.0,))
+    found, behind = c.nearest(np.array(theta))
+    assert found is every[at]
+    assert behind == 4.0 * at
+
+
+@pytest.mark.parametrize("law", ["play_friction", "pinching_hysteresis"])
+@pytest.mark.parametrize("sigma", [1.0, 1e6])
+def test_a_yielding_that_no_sample_resolves_is_of_no_interest(problem, law, sigma):
+    """Drawn from an estimate, such machines are dry friction, and no observer follows them."""
+    values = {name: par.nominal for name, par in EFFECTS[law].pars().items()} | {"sigma": sigma, "F_c": 0.03}
+    bounds = EFFECTS[law].of_interest(values, problem.scale)
+    softest = EFFECTS["dahl_presliding"].of_interest({"F_c": 0.03, "sigma": sigma}, problem.scale)["sigma"]
+    assert bounds["sigma"] == softest
+    size, (least, most) = next(iter(bounds.items()))
+    assert 0.0 < least < most
+    assert size == {"play_friction": "gap", "pinching_hysteresis": "zeta"}[law]
