@@ -160,8 +160,9 @@ def judged(tie: Tie, which: int, folder: Path, row: Row) -> Row:
     named = list(found.ladder[-1].effects)
     confirmed = [e.effect for e in found.ranking if e.status == "confirmed" and e.effect in named]
     row |= {"named": named, "confirmed": confirmed, "then": found.verdict, "told": found.sentence}
-    row |= {"right": set(named) == names, "judged_cpu": time.process_time() - started}
-    row["wrong"] = bool(set(confirmed) - names - set(tie.machines[which].listed)) and found.verdict != "unexplained"
+    row["judged_cpu"], there = time.process_time() - started, names | set(tie.machines[which].listed)
+    row["right"] = names <= set(named) <= there
+    row["wrong"] = bool(set(confirmed) - there) and found.verdict != "unexplained"
     if row.get("kept") and "seen" not in row:
         rivals = rivals_of(diagnose(model, data[:1], jobs=1), model, data[:1])
         kept = [r for r in rivals if "+".join(r.effects).replace("_", " ") in row["kept"]]
