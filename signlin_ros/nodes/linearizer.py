@@ -23,7 +23,7 @@ from std_msgs.msg import Float64MultiArray, Header, String
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model
 from signlin_ros.nodes import convert, overrides
-from signlin_ros.nodes.gather import Gathering
+from signlin_ros.nodes.gather import Gathering, pump_in_turn
 from signlin_ros.nodes.joint import measured_states
 from signlin_ros.nodes.linearizer_logic import OBSERVERS, LinearizerLogic
 from signlin_ros.nodes.managed import ManagedNode
@@ -123,8 +123,8 @@ class LinearizerNode(StateReader, ManagedNode):
         waking = bool(self.get_parameter("use_sim_time").value)  # then a message counts from when it is taken
         qos = SENSOR_QOS if waking else RECORD_QOS
         self._inputs = [
-            Gathering(self, Float64MultiArray, "input", self._take_input, qos, self._rest, waking=waking),
-            Gathering(self, kind, topic, take, qos, self._rest, waking=waking),
+            Gathering(self, *of, qos, self._rest, waking=waking)
+            for of in ((kind, topic, take), (Float64MultiArray, "input", self._take_input))
         ]
         self._timer = self.create_timer(self.model.update_period, self._pump)
         self._look = self.create_timer(LONGEST_GATHERING, self._take, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -277,8 +277,7 @@ class LinearizerNode(StateReader, ManagedNode):
 
     def _take(self) -> None:
         """Take what has come: with few wakings, for these cost several times what the messages do."""
-        for gathering in self._inputs:
-            gathering.pump()
+        pump_in_turn(*self._inputs)
 
     def _apply_changes(self, changes: dict[str, Any]) -> None:
         if self._renewing:

@@ -29,7 +29,7 @@ from signlin_ros.nodes.channels import Channels
 from signlin_ros.nodes.diagnoses import Diagnoses
 from signlin_ros.nodes.diagnosing import Naming
 from signlin_ros.nodes.exchange import ModelExchange
-from signlin_ros.nodes.gather import Gathering
+from signlin_ros.nodes.gather import Gathering, pump_in_turn
 from signlin_ros.nodes.joint import measured_states
 from signlin_ros.nodes.joints import refuse_arm
 from signlin_ros.nodes.managed import ManagedNode
@@ -239,8 +239,7 @@ class MonitorNode(StateReader, ManagedNode):
             self.logic.reset(self.now())
 
     def _on_tick(self) -> None:
-        for gathering in self._gathered:  # the inputs last: a state is not worked off before the input that came first
-            gathering.pump()
+        pump_in_turn(*self._gathered)
         scores, alarm = self.logic.work(self.now())
         for score in scores:
             self._errors.publish(convert.error_message(score))

@@ -9,7 +9,8 @@ import pytest
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed: pip install 'signlin_ros[ros]'")
 
-from signlin_ros.nodes.gather import CLOCK_MESSAGES, MAX_MESSAGE_AGE, Gathering
+from signlin_ros.nodes.gather import CLOCK_MESSAGES, MAX_MESSAGE_AGE, Gathering, pump_in_turn
+from signlin_ros.observe.watch import Pace
 
 NOW = 10**18
 
@@ -50,3 +51,23 @@ def test_clocks_that_agree_no_more_are_not_compared_any_longer() -> None:
     found = times(1000, *[2 * MAX_MESSAGE_AGE] * CLOCK_MESSAGES)
     assert found[1] == -2 * MAX_MESSAGE_AGE
     assert found[-1] == 0
+
+
+class Waiting(Gathering):
+    """A subscription in which messages wait, each with the time at which it came."""
+
+    def __init__(self, take: Any, *came: int) -> None:
+        self._take, self.came = take, came
+
+    def waiting(self) -> list[Any]:
+        return [(came, self._take, None) for came in self.came]
+
+
+def test_what_waited_long_is_taken_in_the_order_in_which_it_came() -> None:
+    """States for 0.1 s before the first of their inputs looked as if inputs had stayed away: nothing was judged."""
+    pace, missed = Pace(), []
+    states = Waiting(lambda _, came: missed.append(pace.missed(came / 1e9)), *range(0, 1_000_000_000, 5_000_000))
+    inputs = Waiting(lambda _, came: pace.take(came / 1e9), *range(0, 1_000_000_000, 15_000_000))
+    pump_in_turn(states, inputs)
+    assert len(missed) == 200
+    assert not any(missed)
