@@ -126,6 +126,7 @@ class ControllerNode(StateReader, ModelNode):
         self.create_service(Trigger, "~/resume", self._on_resume)
         self._slow_timer = self.create_timer(1.0, self._on_second, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._latest = self._due = self._not_before = 0
+        self._stopped = False
         self._period = round(option["control_period"] * NANO)
         self._aside = ThreadPoolExecutor(1)
         self._made: MadeApart | None = None
@@ -192,6 +193,9 @@ class ControllerNode(StateReader, ModelNode):
         u = self.logic.output(self.now())
         if u is not None:
             self._input.publish(convert.vector(u, "input"))
+        was_stopped, self._stopped = self._stopped, self.logic.stopped
+        if self._stopped and not was_stopped:  # who watches must not wait for the second to end
+            self._tell(self.now())
 
     def _on_resume(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         with self._turns.lock:
@@ -228,7 +232,11 @@ class ControllerNode(StateReader, ModelNode):
             self._on_jump(None)
         self._latest = now
         with self._turns.lock:
-            health = self.logic.health(now)
+            self._tell(now)
+
+    def _tell(self, now: int) -> None:
+        """Publish diagnostics."""
+        health = self.logic.health(now)
         if self.logic.channels.sentence:
             self.warn_once("channels", self.logic.channels.sentence)
         status = DiagnosticStatus(

@@ -300,6 +300,11 @@ class ControllerLogic:
         self.prediction.take(now, self.u)
         return np.array([self.u]) if self.active else None
 
+    @property
+    def stopped(self) -> bool:
+        """Whether the drive has run, and is stopped now."""
+        return self.active and not self._running
+
     def resume(self) -> str:
         """Go on after a fault; return what was wrong, empty where nothing was."""
         was, self.fault = self.fault, ""

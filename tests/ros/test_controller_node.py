@@ -114,7 +114,14 @@ def test_a_drive_that_runs_away_is_stopped_told_and_goes_on_when_it_is_asked_to(
     rig.rms(100)
     rig.gain = -1.0
     diagnostics = graph.collect(DiagnosticArray, "/diagnostics")
-    graph.wait(lambda: [rig.tick() for _ in range(20)] and all(m.data[0] == 0.0 for m in rig.inputs[-20:]), "a stop")
+    graph.wait(lambda: rig.tick() is not None and rig.inputs[-1].data[0] == 0.0, "a stop")
+    stop = rig.now
+    for _ in range(50):
+        rig.tick()
+    assert {m.data[0] for m in rig.inputs[-50:]} == {0.0}
+    told = [convert.nanoseconds(m.header.stamp) for m in diagnostics if b"\x02" in [s.level for s in m.status]]
+    assert told
+    assert min(told) <= stop + 2 * PERIOD
     assert abs(rig.plant.x[1]) < 3.0 * 3.0
     status = graph.diagnostics(diagnostics, "stopped: the drive", "/controller")
     assert status.level == b"\x02"
