@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.arms.data import ArmRun, effort_step, runs_of
+from signlin_ros.arms.fit import prior
 from signlin_ros.arms.piece import ArmSegment, chosen_band
 from signlin_ros.arms.study import MAX_STEP_SHARE, TURNED
 from signlin_ros.checks.as_read import AsRead
@@ -28,7 +29,7 @@ from signlin_ros.filters import slope
 from signlin_ros.model.arm import ArmModel
 from signlin_ros.plants.arm import GAIN_PARAMETER
 from signlin_ros.records import ModelData
-from signlin_ros.robots import inverse_dynamics
+from signlin_ros.robots import inverse_dynamics, regressor
 
 Array = NDArray[np.float64]
 GENERIC: tuple[type[Check], ...] = (AsRead, RepeatedValues, Jitter, SparseChannel)
@@ -47,6 +48,8 @@ GAIN_RANGE = 2.0
 """Factor by which an effort may be off the URDF's."""
 MIN_GAIN_ERRORS = 8.0
 """Standard errors that a factor needs; rows are correlated, so these are many."""
+URDF_ERRORS = 3.0
+"""Standard errors, of what the URDF leaves open, by which a factor has to be beyond that range."""
 BETTER = 0.3
 """By how much more of an effort another joint's motion has to explain for the two to be exchanged."""
 
@@ -271,7 +274,19 @@ def _efforts(model: ArmModel, record: ModelData) -> Iterator[Finding]:
     fits = [[_fitted(tau[:, i], motions[j]) for j in range(n)] for i in range(n)]
     yield from _exchanged(model, fits)
     for i, name in enumerate(model.robot.names):
-        yield from _of_effort(model, record, i, name, fits[i][i])
+        yield from _of_effort(model, record, i, name, fits[i][i], pieces, motions[i])
+
+
+def _left_open(model: ArmModel, pieces: Sequence[ArmSegment], i: int, X: Array) -> float:
+    """Return the relative standard error of an effort's factor by what the URDF leaves open (its tolerance).
+
+    A wrist whose centre of mass is on its axis hardly needs an effort: the URDF's error may be all of it.
+    """
+    body, others = X[:, 0], X[:, 1:]
+    new = body - others @ np.linalg.lstsq(others, body, rcond=None)[0]
+    units = np.concatenate([p.filtered(regressor(p.robot, p.q, p.v, p.a)[:, i]) for p in pieces])
+    sd = prior(model.robot, model.arm.tolerance)
+    return float(np.linalg.norm((new @ units) * sd) / max(float(new @ body), 1e-300))
 
 
 def _fitted(tau: Array, X: Array) -> _Fitted:
@@ -309,7 +324,9 @@ def _exchange(a: str, b: str) -> Callable[[ModelData], ModelData]:
     return cure
 
 
-def _of_effort(model: ArmModel, record: ModelData, i: int, name: str, fit: _Fitted) -> Iterator[Finding]:
+def _of_effort(
+    model: ArmModel, record: ModelData, i: int, name: str, fit: _Fitted, pieces: Sequence[ArmSegment], X: Array
+) -> Iterator[Finding]:
     channel = f"{name}.effort"
     gain = model.parameters[f"{name}.{GAIN_PARAMETER}"]
     sure = abs(fit.factor) > MIN_GAIN_ERRORS * fit.error
@@ -324,7 +341,10 @@ def _of_effort(model: ArmModel, record: ModelData, i: int, name: str, fit: _Fitt
         severity = "refuse" if sure and rubs and fit.factor < 0.0 else "offer"
         yield _found("sign", channel, severity, said, *ways, action=action)
         return
-    if sure and fit.explained > 0.5 and not 1.0 / GAIN_RANGE <= abs(fit.factor) <= GAIN_RANGE:
+    off = max(abs(fit.factor), 1.0 / max(abs(fit.factor), 1e-300))
+    if not (sure and fit.explained > 0.5 and off > GAIN_RANGE):
+        return
+    if off > GAIN_RANGE * (1.0 + URDF_ERRORS * _left_open(model, pieces, i, X)):
         unit = model.robot.joints[i].effort_unit
         said = f"{channel} is {abs(fit.factor):.3g} times what the URDF's masses need"
         way = f"effort: {{gain: {gain / abs(fit.factor):.3g}}} would fit them ({unit} per unit of the record)"

@@ -104,6 +104,18 @@ def test_currents_without_a_gain_are_seen_by_their_size(tmp_path):
     assert gains == pytest.approx({"waist.effort": 8.0, "shoulder.effort": 9.0, "elbow.effort": 10.0}, rel=0.1)
 
 
+def test_no_gain_is_offered_for_a_joint_whose_urdf_leaves_open_what_it_needs(tmp_path, monkeypatch):
+    """A balanced wrist: a centre of mass that is off by a centimetre needs a multiple of the effort."""
+    text = SMALL.with_suffix(".urdf").read_text().replace('<mass value="0.25"/>', '<mass value="0.001"/>')
+    balanced, true = (text.replace('xyz="0.12 0.005 0"', f'xyz="{x} 0 0"') for x in (0.008, 0.03))
+    model, truth = (Model.from_dict({**MODEL.to_dict(), "robot": urdf}) for urdf in (balanced, true))
+    data = written(tmp_path / "run.csv", NAMES, *record(truth, 3))
+    records = read_data(model, [data], {})
+    assert not [f for f in check(model, records)[1] if f.check == "effort_scale"]
+    monkeypatch.setattr("signlin_ros.arms.check.URDF_ERRORS", 0.0)
+    assert [f.channel for f in check(model, records)[1] if f.check == "effort_scale"] == ["elbow.effort"]
+
+
 def test_an_angle_that_wraps_is_unwrapped(tmp_path):
     turned = (Q + np.pi) % (2 * np.pi) - np.pi
     turned[:, 0] = (Q[:, 0] - Q[:, 0].min() + 2.5 + np.pi) % (2 * np.pi) - np.pi
