@@ -59,12 +59,11 @@ def _bodies(study: Study, state: State, estimate: CoefficientEstimate) -> tuple[
     A payload is written as a point, so its links are what is left beside the inertia of that.
     """
     start, carried = study.robot.pi, study.carried
-    if not study.model.arm.consistent:
-        return estimate, estimate.pi - carried - state.point(estimate)
-    found = estimate
+    asked, found = study.model.arm.consistent, estimate
     for _ in range(PAYLOAD_ROUNDS if "payload.m" in estimate.design.names else 1):
-        found = replace(estimate, theta=consistent(estimate, start, carried + state.point(found)))
-    return found, existing(found.pi - carried - state.point(found))
+        found = replace(estimate, theta=consistent(estimate, start, carried + state.point(found), asked))
+    bodies = found.pi - carried - state.point(found)
+    return found, existing(bodies) if asked else bodies
 
 
 PAYLOAD_ROUNDS = 3

@@ -17,7 +17,7 @@ def body(rng):
     return from_pseudo_inertia(L @ L.T + 0.02 * np.eye(4))
 
 
-def estimate(rng, broken):
+def estimate(rng, broken, names=("0.offset", "1.offset")):
     """Return an estimate of bodies and other coefficients, some bodies with an inertia below nothing."""
     pi = np.concatenate([body(rng) for _ in range(BODIES)])
     for k in broken:
@@ -28,7 +28,8 @@ def estimate(rng, broken):
     size = TEN * BODIES + MORE
     A = rng.normal(size=(2 * size, size)) * np.geomspace(1.0, 100.0, size)
     theta = np.concatenate([pi, rng.normal(size=MORE)])
-    return SimpleNamespace(pi=pi, theta=theta, G=A.T @ A, rows=SimpleNamespace(n=BODIES))
+    design = SimpleNamespace(names=(*("" for _ in pi), *names))
+    return SimpleNamespace(pi=pi, theta=theta, G=A.T @ A, rows=SimpleNamespace(n=BODIES), design=design)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -61,3 +62,22 @@ def test_what_is_carried_is_taken_off_before_a_body_has_to_exist():
     found = consistent(own, np.concatenate([body(rng) for _ in range(BODIES)]), carried)
     bodies = (found[: TEN * BODIES] - carried).reshape(-1, TEN)
     assert min(least_eigenvalue(one) for one in bodies) > 0.0
+
+
+@pytest.mark.parametrize("exist", [True, False])
+def test_what_cannot_be_below_nothing_is_not_and_the_rest_goes_with_it(exist):
+    rng = np.random.default_rng(11)
+    own = estimate(rng, broken=(1,) if exist else (), names=("0.motor_inertia", "0.viscous_friction.b"))
+    own.theta[-MORE:] = [-0.4, 0.7]
+    start = np.concatenate([body(rng) for _ in range(BODIES)])
+    found = consistent(own, start, np.zeros(TEN * BODIES), exist)
+    assert found[-MORE] == 0.0
+    assert found[-1] > 0.0
+    away, clipped = found - own.theta, own.theta.copy()
+    clipped[-MORE] = 0.0
+    slope = own.G @ away
+    free = [-1, *(range(TEN * BODIES) if not exist else [])]
+    np.testing.assert_allclose(slope[free], 0.0, atol=1e-6 * np.abs(own.G).max())
+    assert slope[-MORE] > 0.0  # below nothing would be nearer
+    if not exist:
+        assert away @ own.G @ away < 0.9 * (clipped - own.theta) @ own.G @ (clipped - own.theta)
