@@ -154,12 +154,16 @@ def with_more(evidence: Evidence, final: FittedModel, rivals: Sequence[RefittedR
 
 
 def _planned_with(rival: RefittedRival, final: FittedModel, more: Sequence[str]) -> PlannedRival:
-    """Return a rival with some effects of another model beside it, as that has them."""
-    model = rival.best.model
+    """Return a rival with some effects of another model beside it, as that has them; from its size of interest,
+    too: by itself it may have become what no observer follows.
+    """
+    models = [rival.best.model, *([rival.least.model] if rival.least is not rival.best else [])]
     for key, use in final.model.effects.items():
-        if use.type in more and key not in model.effects:
-            model = model.with_effect(use.type, key, **use.parameters)
-    return PlannedRival((*rival.effects, *more), (model,), rival.of_interest)
+        models = [
+            m.with_effect(use.type, key, **use.parameters) if use.type in more and key not in m.effects else m
+            for m in models
+        ]
+    return PlannedRival((*rival.effects, *more), tuple(models), rival.of_interest)
 
 
 def _as_good(evidence: Evidence, final: FittedModel, f: FittedModel) -> bool:
