@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from signlin_ros.arms.ahead import Ahead, Witness, ahead, compared
 from signlin_ros.arms.data import ArmRun, resized, shifted, with_delays, with_gains
 from signlin_ros.arms.fit import fit
-from signlin_ros.arms.search import DELAY, GAIN, Key, SearchResult
+from signlin_ros.arms.search import DELAY, GAIN, Key, SearchResult, names_of
 from signlin_ros.model.arm import ArmModel
 
 if TYPE_CHECKING:
@@ -100,6 +100,7 @@ def told_with(diagnosis: ArmDiagnosis, before: Sequence[Fault]) -> ArmDiagnosis:
     return replace(
         diagnosis,
         comparison=replace(diagnosis.comparison, table=table),
+        ahead=(_without(before[0], [name for key, _ in first.state.terms for name in names_of(key)]), whole),
         found=tuple(law for law, _ in told),
         witnesses=(*(witness for _, witness in told), *missing),
     )
@@ -111,9 +112,13 @@ def _resized(law: SearchResult, sizes: Array) -> SearchResult:
 
 def _foretold(fault: Fault, law: SearchResult, whole: Ahead) -> Witness | None:
     """Return what short forward simulations say of a fault: without it, and of all that was found at last."""
-    state = fault.diagnosis.state
-    design = fault.diagnosis.estimate.design.without(*law.names)
-    return compared(ahead(state, fit(design, state.rows, state.new)), whole, law.key.at)
+    return compared(_without(fault, law.names), whole, law.key.at)
+
+
+def _without(fault: Fault, names: Sequence[str]) -> Ahead:
+    """Return how well velocities are foretold from efforts as they were recorded, without some columns."""
+    state, design = fault.diagnosis.state, fault.diagnosis.estimate.design.without(*names)
+    return ahead(state, fit(design, state.rows, state.new))
 
 
 __all__ = ["FAULTS", "Fault", "delays", "faults", "not_again", "put_right", "shown", "told_with"]

@@ -81,6 +81,8 @@ def test_a_gain_is_written_and_the_new_file_is_as_good_as_was_promised(tmp_path,
     assert entry["effect"] == "shoulder.sensor_gain"
     assert entry["parameters"]["gain"]["value"] == pytest.approx(0.85, rel=0.03)
     assert "wrong gain" not in said["sentences"][-1]
+    own, seen = said["joints"]["shoulder"]["forward"], entry["forward"]
+    assert (own["basic"], own["model"]) == (pytest.approx(seen["without"]), pytest.approx(seen["with"]))
     assert Model.load(new).parameters["shoulder.gain"] == pytest.approx(1.0 / 0.85, rel=0.03)
     assert main(["compare", new, *data]) == 0
     again = json.loads(capsys.readouterr().out)
