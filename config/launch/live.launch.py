@@ -20,6 +20,8 @@ NO_LIMIT = "no controller: give limit:=..., the largest |input| that the drive m
 SIGNLIN = SHARE.parents[1] / "lib" / "signlin_ros" / "signlin"
 DEFAULTS = {"state_source": "joint_state"}
 """What holds where neither the parameter file nor an argument says otherwise."""
+WATCHDOG_PERIODS, CONTROL_PERIOD = 5, 0.02
+"""Control periods without an input after which a simulated drive's watchdog ends the last one; s of one by default."""
 YES = ("true", "1")
 GIVEN = ("state_source", "joint_name")
 """Arguments that are parameters of all nodes that have them; one that is not given leaves the file's value."""
@@ -48,15 +50,20 @@ def nodes_of(context: LaunchContext) -> list:
         for name in ("linearizer", "monitor")
     ]
     joint = [one for one in given if "joint_name" in one]
-    simulator = Node(**where, executable="plant_simulator", parameters=[file, *joint])
-    simulated = [simulator] if told("simulate").lower() in YES else []
+
+    def simulated(*driven: dict) -> list:
+        parameters = [*driven, file, *joint]
+        simulator = Node(**where, executable="plant_simulator", parameters=parameters)
+        return [simulator] if told("simulate").lower() in YES else []
+
     if told("controller").lower() not in YES:
-        return [*simulated, *managed]
+        return [*simulated(), *managed]
     limit = told("limit") or said_in(file).get("limit", SHIPPED_LIMIT if Path(file) == SHIPPED else 0.0)
     if not float(limit) > 0.0:
-        return [*simulated, *managed, LogInfo(msg=NO_LIMIT)]
+        return [*simulated(), *managed, LogInfo(msg=NO_LIMIT)]
     options = [DEFAULTS, file, {"limit": float(limit)}, *given]
-    return [*simulated, *managed, Node(**where, executable="controller", parameters=options)]
+    watchdog = {"watchdog": WATCHDOG_PERIODS * float(said_in(file).get("control_period", CONTROL_PERIOD))}
+    return [*simulated(watchdog), *managed, Node(**where, executable="controller", parameters=options)]
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -43,6 +43,19 @@ def test_the_shipped_motor_gets_a_controller_that_starts() -> None:
     Controller(Model.load(Path(file)), ControllerSettings(started.parameters("controller")["limit"]))
 
 
+def test_a_simulated_drive_has_a_watchdog_where_a_controller_drives_it(mine: str) -> None:
+    def watchdog(**given: str) -> float | None:
+        return launched("live.launch.py", **given).parameters("plant_simulator").get("watchdog")
+
+    assert watchdog() == 0.1
+    assert watchdog(controller="false") is None
+    assert watchdog(params_file=mine) is None  # no limit, no controller
+    Path(mine).write_text(MINE + "    control_period: 0.05\n")
+    assert watchdog(params_file=mine, limit="9") == 0.25
+    Path(mine).write_text(MINE + "    watchdog: 0.0\n")
+    assert watchdog(params_file=mine, limit="9") == 0.0
+
+
 @pytest.mark.parametrize("limit", ["", "0"])
 def test_a_drive_of_which_no_limit_is_known_gets_no_controller_and_a_line_that_says_so(mine: str, limit: str) -> None:
     for file in (mine, "/somewhere/mine.yaml"):
