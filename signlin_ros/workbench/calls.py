@@ -19,6 +19,7 @@ import numpy as np
 from signlin_ros import console
 from signlin_ros.apart import of_record
 from signlin_ros.errors import InputError
+from signlin_ros.filters import low_pass
 from signlin_ros.model import Model, shipped_models
 from signlin_ros.model.arm import ArmModel
 from signlin_ros.records import ModelData
@@ -44,6 +45,11 @@ def ready(args: Args, say: Say) -> Answer:
     from signlin_ros import checks, diagnosis
 
     return {"ready": [checks.check.__name__, diagnosis.compare.__name__]}
+
+
+def load_compiled() -> None:
+    """Load what calls of compiled code need, which takes a third of a second at the first call of any."""
+    low_pass(np.zeros(8), 1.0, 0.1)
 
 
 def reader(args: Args, say: Say) -> Answer:

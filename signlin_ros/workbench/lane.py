@@ -5,12 +5,12 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
-import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from signlin_ros.workbench.template import WORKER, WorkerCopy, WorkerTemplate, environment
 from signlin_ros.workbench.worker import FRAME
 
 Say = Callable[[dict[str, Any]], None]
@@ -36,25 +36,30 @@ class Lane:
     """A worker process in ``folder``, started when first needed and anew after it was cancelled.
 
     ``nice``: by how much it gives way to others, as `nice` counts: what takes long must not slow what is looked at.
+    ``template``: what it is a copy of, in the folder of that; without one it imports everything itself.
     """
 
-    def __init__(self, folder: Path, nice: int = 0) -> None:
+    def __init__(self, folder: Path, nice: int = 0, template: WorkerTemplate | None = None) -> None:
         self._folder, self._nice, self._lock, self._number = folder, nice, asyncio.Lock(), 0
-        self._process: asyncio.subprocess.Process | None = None
+        self._template = template
+        self._process: asyncio.subprocess.Process | WorkerCopy | None = None
         self._cancels = 0
 
-    async def start(self) -> asyncio.subprocess.Process:
+    async def start(self) -> asyncio.subprocess.Process | WorkerCopy:
         """Start the process if there is none."""
         if self._process is None or self._process.returncode is not None:
-            self._process = await asyncio.create_subprocess_exec(
-                *(sys.executable, "-m", "signlin_ros.workbench.worker", str(self._nice)),
-                stdin=asyncio.subprocess.PIPE,
-                stdout=asyncio.subprocess.PIPE,
-                cwd=self._folder,
-                env={**os.environ, "PYTHONUNBUFFERED": "1", "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-                start_new_session=True,
-            )
+            self._process = await (self._template.worker(self._nice) if self._template else self._started())
         return self._process
+
+    async def _started(self) -> asyncio.subprocess.Process:
+        return await asyncio.create_subprocess_exec(
+            *(sys.executable, "-m", WORKER, str(self._nice)),
+            stdin=asyncio.subprocess.PIPE,
+            stdout=asyncio.subprocess.PIPE,
+            cwd=self._folder,
+            env=environment(),
+            start_new_session=True,
+        )
 
     async def raw(self, verb: str, args: dict[str, Any], say: Say | None = None) -> bytes:
         """Return the JSON text of what a verb of `calls` answers.
@@ -63,7 +68,10 @@ class Lane:
         """
         cancels = self._cancels
         async with self._lock:
-            process = await self.start()
+            try:
+                process = await self.start()
+            except ConnectionError as error:
+                raise FaultError(str(error)) from error
             self._number += 1
             try:
                 if self._cancels != cancels:  # before it was its turn, or before there was a process
@@ -79,7 +87,9 @@ class Lane:
         """Return the answer of a verb as JSON; raises as `raw`."""
         return json.loads(await self.raw(verb, args, say))
 
-    async def _exchange(self, process: asyncio.subprocess.Process, request: dict[str, Any], say: Say | None) -> bytes:
+    async def _exchange(
+        self, process: asyncio.subprocess.Process | WorkerCopy, request: dict[str, Any], say: Say | None
+    ) -> bytes:
         if process.stdin is None or process.stdout is None:
             raise FaultError("the worker has no pipes")
         text = json.dumps(request).encode()

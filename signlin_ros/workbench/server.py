@@ -30,6 +30,7 @@ from signlin_ros.workbench.live import Live
 from signlin_ros.workbench.project import STORE, Project, lock, plan_of, safe_name
 from signlin_ros.workbench.receiving import asked, received
 from signlin_ros.workbench.session import Session
+from signlin_ros.workbench.template import WorkerTemplate
 
 STATIC = Path(__file__).parent / "static"
 AWAKE = 3
@@ -52,6 +53,7 @@ class Workbench:
         self.sessions: dict[str, Session] = {}
         self.ended = False
         self.live = Live(live)
+        self.template = WorkerTemplate()
 
     def session(self, identity: str) -> Session:
         """Return the session of a project, opened if need be; raises `InputError` where there is no such project."""
@@ -60,7 +62,7 @@ class Workbench:
         if found is None:
             if identity not in Project.listed(self.store):
                 raise InputError("no such project")
-            found = Session(Project(self.store, identity))
+            found = Session(Project(self.store, identity), self.template)
             self._close_one()
         self.sessions[identity] = found
         if opened:
@@ -370,6 +372,7 @@ def application(bench: Workbench, hosts: Sequence[str] = safety.LOCAL, token: st
         app.state.loop = asyncio.get_running_loop()
         yield
         await asyncio.gather(bench.live.close(), *(s.close() for s in bench.sessions.values()))
+        await bench.template.close()
 
     gate = Middleware(safety.Gate, hosts=hosts, token=token)
     app = Starlette(routes=routes, middleware=[gate], exception_handlers=handlers, lifespan=lifespan)

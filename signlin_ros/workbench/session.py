@@ -16,6 +16,7 @@ from signlin_ros.workbench.formats import FILES
 from signlin_ros.workbench.lane import FaultError, Lane, LaneCancelledError, RefusedError
 from signlin_ros.workbench.project import MODELS, RIVALS, ROBOTS, Project
 from signlin_ros.workbench.shown import shown
+from signlin_ros.workbench.template import WorkerTemplate
 
 Args = dict[str, Any]
 Job = Callable[[], Coroutine[Any, Any, None]]
@@ -29,11 +30,13 @@ GIVES_WAY = 5
 
 
 class Session:
-    """A project that is open. ``view`` answers at once (curves, sliders), ``work`` takes long and can be cancelled."""
+    """A project that is open. ``view`` answers at once (curves, sliders), ``work`` takes long and can be cancelled;
+    both are copies of a ``template``, where there is one.
+    """
 
-    def __init__(self, project: Project) -> None:
+    def __init__(self, project: Project, template: WorkerTemplate | None = None) -> None:
         self.project = project
-        self.view, self.work = Lane(Path.cwd()), Lane(Path.cwd(), nice=GIVES_WAY)
+        self.view, self.work = (Lane(Path.cwd(), nice, template) for nice in (0, GIVES_WAY))
         self.busy: dict[str, Any] | None = None
         self.errors: dict[str, dict[str, str]] = {}
         self.code: list[dict[str, str]] = []

@@ -329,7 +329,8 @@ def test_projects_that_are_not_looked_at_hold_no_processes(server: Callable[...,
         client.act(projects[-1], "take", files=[json.loads(client.put(projects[-1], "a.csv", CSV)[1])["file"]])
         client.settled(projects[-1])
     for _ in range(100):
-        workers = psutil.Process(given.process.pid).children()
+        (template,) = psutil.Process(given.process.pid).children()
+        workers = template.children()
         if len(workers) <= 2 * AWAKE:
             break
         client.state(projects[-1])
