@@ -209,10 +209,18 @@ def _run_exact(
 ) -> tuple[int, float, tuple[tuple[float, str, str], ...]]:
     plan, links = _exact_plan(model.structure)
     events = np.zeros((10_000 if plan["q"] else 0, 3))
-    status, when, count = run_exact(plan, links, times, breaks, inputs, x0, model.p, rtol, X, Y, events)
+    t, u = _not_written_to(times, inputs)
+    status, when, count = run_exact(plan, links, t, breaks, u, x0, model.p, rtol, X, Y, events)
     names = [s.name for s in model.trace.surfaces]
     found = tuple((float(e[0]), names[int(e[1])], _EVENT_NAMES[int(e[2])]) for e in events[:count])
     return status, when, found
+
+
+def _not_written_to(times: Array, inputs: Array) -> tuple[Array, Array]:
+    """Return views that may not be written to, as arrays of a record: for others Numba compiles every kernel again."""
+    t, u = times.view(), inputs.view()
+    t.flags.writeable = u.flags.writeable = False
+    return t, u
 
 
 def _smooth_constants(model: Model) -> Array:
@@ -223,7 +231,8 @@ def _run_smooth(
     model: Model, times: Array, breaks: Array, inputs: Array, x0: Array, rtol: float, X: Array, Y: Array
 ) -> tuple[int, float, tuple[()]]:
     plan = _smooth_plan(model.structure, model.sign_order)
-    status, when = run_smooth(plan, times, breaks, inputs, x0, _smooth_constants(model), rtol, X, Y)
+    t, u = _not_written_to(times, inputs)
+    status, when = run_smooth(plan, t, breaks, u, x0, _smooth_constants(model), rtol, X, Y)
     return status, when, ()
 
 
@@ -236,7 +245,8 @@ def _run_piecewise(
     updates = _snapped(times[0] + period * np.arange(count), times)
     half = period / 2 if model.operating_point == "midpoint" else 0.0
     constants = np.concatenate([_smooth_constants(model), weights(model)])
-    status, when = run_piecewise(plan, times, breaks, inputs, x0, constants, updates, half, X, Y)
+    t, u = _not_written_to(times, inputs)
+    status, when = run_piecewise(plan, t, breaks, u, x0, constants, updates, half, X, Y)
     return status, when, ()
 
 
