@@ -18,6 +18,7 @@ import pytest
 from hypothesis import settings
 
 from tests.once import FOLDER
+from tests.ros.forking import spent_by_copies
 
 HERE = Path(__file__).parent
 YIELD = 10
@@ -105,9 +106,13 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
     return (yield)
 
 
+def _processor_time() -> float:
+    return sum(os.times()[:4]) + spent_by_copies()
+
+
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> Iterator[None]:
-    item.stash[BEGUN] = sum(os.times()[:4])
+    item.stash[BEGUN] = _processor_time()
     return (yield)
 
 
@@ -116,7 +121,7 @@ def pytest_runtest_teardown(item: pytest.Item) -> Iterator[None]:
     try:
         return (yield)
     finally:  # told with the report of the teardown
-        item.user_properties.append((SPENT, sum(os.times()[:4]) - item.stash[BEGUN]))
+        item.user_properties.append((SPENT, _processor_time() - item.stash[BEGUN]))
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

@@ -13,6 +13,8 @@ from typing import Any
 
 import pytest
 
+from tests.ros.forking import Copied, Zygote
+
 PREFIX = Path(sys.prefix)
 SHARE = PREFIX / "share" / "signlin_ros"
 CONFIG = SHARE / "config"
@@ -22,10 +24,14 @@ PATIENCE = 60.0
 
 
 class Process:
-    """An executable from lib/signlin_ros, with its output in a file."""
+    """An executable from lib/signlin_ros, with its output in a file; a copy of ``zygote`` runs it if one is given."""
 
-    def __init__(self, command: list[str], log: Path, env: dict[str, str]) -> None:
+    def __init__(self, command: list[str], log: Path, env: dict[str, str], zygote: Zygote | None = None) -> None:
         self.log = log
+        self.popen: subprocess.Popen[bytes] | Copied
+        if zygote is not None:
+            self.popen = zygote.start(command, log, env)
+            return
         with log.open("wb") as out:
             self.popen = subprocess.Popen(command, stdout=out, stderr=subprocess.STDOUT, env=env)
 
@@ -52,13 +58,13 @@ class Process:
 class Graph:
     """One ROS domain: processes, and a peer node in this process to talk to them."""
 
-    def __init__(self, domain: int, folder: Path) -> None:
+    def __init__(self, domain: int, folder: Path, zygote: Callable[[], Zygote]) -> None:
         import rclpy
         from rclpy.context import Context
         from rclpy.executors import SingleThreadedExecutor
         from rclpy.signals import SignalHandlerOptions
 
-        self.folder, self.processes = folder, []  # type: Path, list[Process]
+        self.folder, self._zygote, self.processes = folder, zygote, list[Process]()
         self.env = {
             **os.environ,
             "ROS_DOMAIN_ID": str(domain),
@@ -89,15 +95,22 @@ class Graph:
         model: str | Path = "dc_motor.yaml",
         namespace: str = "",
         sim_time: bool | None = False,
+        copied: bool = True,
     ) -> Process:
-        """Start an executable as ``ros2 run`` would: parameters are ``name:=value``; None: nothing said of the time."""
+        """Start an executable as ``ros2 run`` would: parameters are ``name:=value``; None: nothing said of the time.
+        ``copied``: see `run`.
+        """
         remap = ["-r", f"__ns:={namespace}"] if namespace else []
         clock = () if sim_time is None else (f"use_sim_time:={str(sim_time).lower()}",)
         options = [part for p in (*parameters, *clock) for part in ("-p", p)]
-        command = [str(BIN / name), "--ros-args", "--params-file", str(CONFIG / model), *remap, *options]
-        process = Process(command, self.folder / f"{name}_{len(self.processes)}.log", self.env)
-        self.processes.append(process)
-        return process
+        arguments = ["--ros-args", "--params-file", str(CONFIG / model), *remap, *options]
+        return self.run([str(BIN / name), *arguments], f"{name}_{len(self.processes)}", copied)
+
+    def run(self, command: list[str], log: str, copied: bool = True) -> Process:
+        """Start an executable; ``copied``: in a copy of a process that has imported already what it needs."""
+        zygote = self._zygote() if copied else None
+        self.processes.append(Process(command, self.folder / f"{log}.log", self.env, zygote))
+        return self.processes[-1]
 
     # ---------------------------------------------------------------- the peer
 
@@ -170,15 +183,30 @@ class Graph:
         return self.wait(found, f"diagnostics {text!r}")
 
 
+@pytest.fixture(scope="session")
+def zygote() -> Iterator[Callable[[], Zygote]]:
+    """What nodes are copied from; made where it is first needed."""
+    made: list[Zygote] = []
+
+    def only() -> Zygote:
+        if not made:
+            made.append(Zygote())
+        return made[0]
+
+    yield only
+    for one in made:
+        one.close()
+
+
 @pytest.fixture
-def graph(tmp_path: Path) -> Iterator[Graph]:
+def graph(tmp_path: Path, zygote: Callable[[], Zygote]) -> Iterator[Graph]:
     pytest.importorskip("rclpy", reason="ROS 2 is not installed: pip install 'signlin_ros[ros]'")
     if not (BIN / "linearizer").exists():
         pytest.fail(f"{BIN} is empty: install the package first (make install)")
     from domain_coordinator import domain_id
 
     with domain_id() as domain:
-        graph = Graph(domain, tmp_path)
+        graph = Graph(domain, tmp_path, zygote)
         try:
             yield graph
         finally:

@@ -100,11 +100,10 @@ def test_the_line_that_a_launch_file_prints_has_arguments_that_it_takes(file: Pa
 
 def start(graph: Any, started: Started) -> None:
     """Start the nodes as processes."""
-    from .conftest import BIN, Process
+    from .conftest import BIN
 
     for name in started.nodes:
-        command = [str(BIN / name), *started.arguments(name, graph.folder)]
-        graph.processes.append(Process(command, graph.folder / f"{name}.log", graph.env))
+        graph.run([str(BIN / name), *started.arguments(name, graph.folder)], name)
 
 
 def test_the_nodes_of_a_joint_start_and_hear_each_other(graph: Any, mine: str) -> None:

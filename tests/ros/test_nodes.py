@@ -358,7 +358,7 @@ def catches(pid: int, number: int) -> bool:
 def test_signals_while_a_node_starts_end_it_without_a_word(graph: Any, number: int) -> None:
     """From the first line of its own on, when it catches SIGTERM, which nothing before that does."""
     for delay in np.linspace(0.0, 1.2, 7):
-        process = graph.start("plant_simulator")
+        process = graph.start("plant_simulator", copied=False)
         graph.wait(lambda pid=process.popen.pid: catches(pid, signal.SIGTERM), "its own first line")
         sleep(delay)
         process.popen.send_signal(number)
@@ -402,7 +402,8 @@ def test_what_a_signal_leaves_half_made_is_not_told_as_a_fault(graph: Any) -> No
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signals_while_an_effect_file_runs_end_the_node_without_a_word(graph: Any, tmp_path: Path, number: int) -> None:
     begun = tmp_path / "begun"
-    (tmp_path / "slow.py").write_text(f"import pathlib, time\npathlib.Path({str(begun)!r}).touch()\ntime.sleep(60)\n")
+    waits = "while True:\n    time.sleep(0.01)\n"  # one long sleep would not notice a signal just before it
+    (tmp_path / "slow.py").write_text(f"import pathlib, time\npathlib.Path({str(begun)!r}).touch()\n{waits}")
     process = graph.start("plant_simulator", model=motor_with(tmp_path, "effect_files: [slow.py]"), sim_time=None)
     graph.wait(begun.exists, "the effect file")
     process.popen.send_signal(number)

@@ -49,12 +49,11 @@ def test_the_chain_drives_a_joint_behind_a_forward_command_controller(graph: Any
     from signlin_ros.nodes import convert
     from signlin_ros.simulation import Stepper
 
-    from .conftest import BIN, Process
+    from .conftest import BIN
 
     started = launched("ros2_control.launch.py", manager="false")
     for name in started.nodes:
-        command = [str(BIN / name), *started.arguments(name, graph.folder)]
-        graph.processes.append(Process(command, graph.folder / f"{name}.log", graph.env))
+        graph.run([str(BIN / name), *started.arguments(name, graph.folder)], name)
     model = Model.load(EXAMPLE / "wheel.yaml")
     plant, commands, refused = Stepper(model, model.x0.copy()), [0.0], []
 
