@@ -25,7 +25,7 @@ from signlin_ros.follow.segments import (
 from signlin_ros.follow.tracking import TrackedRun, Tracker, filled
 from signlin_ros.mathops import NumpyMath
 from signlin_ros.model import Model
-from signlin_ros.noise import moving, noise_level, white_noise
+from signlin_ros.noise import moving, noise_level, quantum_of, white_noise
 from signlin_ros.plants import Plant
 from signlin_ros.plants.dc_motor import quasi_static_current
 from signlin_ros.recording.trace import rotary_unit
@@ -35,6 +35,8 @@ from signlin_ros.scale import Scale
 Array = NDArray[np.float64]
 MAX_WAVE_STEP, LOST_OVER_NOISE = 4.0, 3.0
 """Largest N v dt of a wave that samples show, v being the RMS velocity; noises below which a velocity is lost."""
+MIN_ROUNDED_STEPS = 10.0
+"""Steps in the standard deviation of an input from which on it is a rounded one, and none that was set in levels."""
 MIN_SEARCH_SAMPLES, MAX_SEARCH_SAMPLES, CHUNKS, LEADING_SAMPLES = 2000, 6000, 4, 2000
 """Starts are searched on half of the samples within these, in so many stretches; samples that lead to each."""
 
@@ -107,6 +109,15 @@ class Problem:
     def rotary(self) -> bool:
         """Whether a plant of forces and displacements stands for one of torques and angles."""
         return self.plant.position_unit == "m" and self.units.get(self.plant.position) == "rad"
+
+    @functools.cached_property
+    def input_steps(self) -> Array:
+        """The step (m,) in which every input was recorded; 0 where there is none, or where it has so few levels that
+        somebody set them.
+        """
+        every = np.concatenate([s.u for s in self.segments])
+        steps = np.array([quantum_of(values[np.isfinite(values)]) for values in every.T])
+        return np.where(np.nanstd(every, axis=0) >= MIN_ROUNDED_STEPS * steps, steps, 0.0)
 
     @property
     def max_wave_order(self) -> float:

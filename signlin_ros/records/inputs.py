@@ -24,7 +24,7 @@ _SOURCES = {"velocity": ("displacement",)}
 _DIVISOR = "add a small number to the divisor, ... / (COLUMN + 0.001), or leave these rows out of the file"
 
 LONGEST_HOLD = 5
-"""So many missing samples of an input in a row are filled with the value before them; more are refused."""
+"""So many missing samples of an input in a row are filled; more are refused."""
 
 
 def check_inputs(
@@ -108,7 +108,7 @@ def _leading(values: Array) -> int:
 
 
 def _inputs_filled(record: Record, name: str, values: Array, notes: list[Note]) -> Array:
-    """The values with up to `LONGEST_HOLD` NaN in a row replaced by the value before them."""
+    """The values with up to `LONGEST_HOLD` NaN in a row filled: a command is held, a measured input interpolated."""
     missing = np.isnan(values)
     if not missing.any():
         return values
@@ -126,6 +126,20 @@ def _inputs_filled(record: Record, name: str, values: Array, notes: list[Note]) 
         lacks, more = ("has no value", f": {divided}; {_DIVISOR}") if divided else ("is missing", "")
         raise RecordError(f"{record.source}: {record.where(first)}: the input {name!r} {lacks} {why}{more}")
     place = record.where(int(np.argmax(missing)))
-    said = f"input {name}: {int(missing.sum())} missing samples hold the value before them, the first at {place}"
+    smooth = _lies_between(values)
+    how = "lie on the line between their neighbours" if smooth else "hold the value before them"
+    said = f"input {name}: {int(missing.sum())} missing samples {how}, the first at {place}"
     notes.append(Note(said, "filled", name))
-    return values[last]
+    return np.interp(record.t, record.t[~missing], values[~missing]) if smooth else values[last]
+
+
+def _lies_between(values: Array) -> bool:
+    """Whether the mean of its neighbours is nearer to a known value than the one before it, by the median: so it is of
+    what is measured; a command, which is held for some samples, is the same as the one before.
+    """
+    before, value, after = values[:-2], values[1:-1], values[2:]
+    known = np.isfinite(before + value + after)
+    if not known.any():
+        return False
+    apart = np.abs(value - (before + after) / 2)[known], np.abs(value - before)[known]
+    return bool(np.median(apart[0]) < np.median(apart[1]))

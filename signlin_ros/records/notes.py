@@ -19,7 +19,7 @@ gap            steps of the time that are much longer than the others
 uneven         steps of the time that differ
 held           a channel with stamps of its own was held from sample to sample
 interpolated   a channel with stamps of its own was interpolated
-filled         missing samples of an input hold the value before them
+filled         missing samples of an input hold the value before them, or lie on the line between their neighbours
 started        the record is taken from where its inputs begin
 derived        a channel was computed from another one: a velocity from a position
 missing        a channel holds no sample, a topic no message

@@ -296,6 +296,15 @@ def test_missing_samples() -> None:
     assert any("current holds no sample" in note for note in data.notes)
 
 
+def test_missing_samples_of_a_measured_input_lie_between_their_neighbours(csv: Callable[[str], Path]) -> None:
+    """Two torques of 3000 were missing, and held: the right laws "explained a part"."""
+    rows = enumerate(("0", "0.9", "2.1", "", "3.9", "5", "", ""))
+    data = read_for_model(csv("t,voltage,speed\n" + "".join(f"{i / 10},{u},{i}\n" for i, u in rows)), motor())
+    np.testing.assert_allclose(data.u[:, 0], [0.0, 0.9, 2.1, 3.0, 3.9, 5.0, 5.0, 5.0])
+    said = "voltage: 3 missing samples lie on the line between their neighbours, the first at row 4"
+    assert any(said in note for note in data.notes)
+
+
 def test_inputs_missing_too_often_are_refused_with_their_row(csv: Callable[[str], Path]) -> None:
     def text(gap: int) -> str:
         cells = ["1"] * 3 + [""] * gap + ["2"] * 3
