@@ -20,7 +20,7 @@ LAWS = ("sensor_gain", "compliant_load")
 def detectable(state: State, estimate: CoefficientEstimate) -> dict[Key, float]:
     """Return the smallest coefficients that would be named: of gains (relative), of compliances (rad/N·m).
 
-    A coefficient is named from so many standard errors on and from a visible share of a joint's squares; both are
+    A coefficient is named from so many standard errors on and from a visible share of one joint's squares; both are
     worked out beside all that is fitted, inertial parameters with their priors included.
     """
     fixed = fit(estimate.design, state.rows, state.new, estimate.weights)
@@ -28,11 +28,14 @@ def detectable(state: State, estimate: CoefficientEstimate) -> dict[Key, float]:
     keys = [Key(law, i) for i in range(state.robot.n) if i not in state.barred for law in LAWS]
     keys = [key for key in keys if not any(key.same(other) for other in taken)]
     needed, loads = needed_errors(len(list(state.candidates(estimate)))), state.loads(estimate)
-    return {key: _smallest(fixed, state.columns(key, None, loads)[0], key.at, needed) for key in keys}
+    return {key: _smallest(fixed, state.columns(key, None, loads)[0], needed) for key in keys}
 
 
-def _smallest(estimate: CoefficientEstimate, column: Array, joint: int, needed: float) -> float:
-    """Return the smallest coefficient of a column (N, 1) that would be named; inf where it is nothing new."""
+def _smallest(estimate: CoefficientEstimate, column: Array, needed: float) -> float:
+    """Return the smallest coefficient of a column (N, 1) that would be named; inf where it is nothing new.
+
+    It has to be visible in the joint that shows it most.
+    """
     w = estimate.weights[estimate.rows.joint]
     X, r, c = estimate.design.known * w[:, None], estimate.residual * w, column[:, 0] * w
     new = c - X @ (estimate.inverse() @ (X.T @ c))
@@ -41,8 +44,10 @@ def _smallest(estimate: CoefficientEstimate, column: Array, joint: int, needed: 
         return np.inf
     spread = float(np.linalg.norm(blocks((new * r)[:, None], estimate.rows.block)))
     error = max(spread / size, 1.0 / np.sqrt(size))
-    at = estimate.rows.joint == joint
-    visible = float(np.sqrt(MIN_VALIDATION_SHARE * np.sum(r[at] ** 2) / max(np.sum(new[at] ** 2), 1e-300)))
+    left, shown = (np.bincount(estimate.rows.joint, values**2, estimate.rows.n) for values in (r, new))
+    visible = float(
+        np.sqrt(MIN_VALIDATION_SHARE * np.min(left / np.maximum(shown, 1e-300), where=left > 0.0, initial=np.inf))
+    )
     return float(max(needed * error, visible))
 
 
