@@ -6,9 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from signlin_ros.arms import search
 from signlin_ros.arms.data import ArmRun, gains_of, resized, with_gains
 from signlin_ros.arms.faults import not_again, shown, told_with
-from signlin_ros.arms.search import DELAY, GAIN, Key, SearchResult
+from signlin_ros.arms.fit import FitDesign, fit
+from signlin_ros.arms.piece import RegressionRows
+from signlin_ros.arms.search import DELAY, GAIN, Key, SearchResult, _beside, _Promise, _stands
 from signlin_ros.cli import main
 from signlin_ros.model import Model
 from tests.arm_records import record, small, written
@@ -65,6 +68,59 @@ def test_a_fault_that_was_put_right_is_not_asked_for_again():
 def test_what_had_no_fault_stays_as_it_was_told():
     whole = diagnosed()
     assert told_with(whole, []) is whole
+
+
+# ---------------------------------------------------------------- a neighbour
+
+
+class TwoJoints:
+    """Rows of two joints that need the mass m of one body; the second one's effort shows 0.8 times what acts."""
+
+    n, by_joint, counts = 2, RegressionRows.by_joint, RegressionRows.counts
+    noise = np.array([0.05, 1e-3])
+
+    def __init__(self, seed, count=300):
+        rng = np.random.default_rng(seed)
+        self.joint, self.block = np.repeat([0, 1], count), np.tile(np.arange(count) // 10, 2)
+        self.a = rng.normal(size=2 * count)
+        self.y = self.a * np.where(self.joint == 1, 0.8, 1.0) + self.noise[self.joint] * rng.normal(size=2 * count)
+
+    @property
+    def gain(self):
+        return (self.a * (self.joint == 1))[:, None]
+
+
+def test_a_gain_stands_whose_neighbour_shows_it():
+    known, unseen = TwoJoints(1), TwoJoints(2)
+    design = FitDesign(("m",), known.a[:, None], unseen.a[:, None], np.zeros(1), np.array([np.inf]))
+    estimate = fit(design, known, unseen, 1.0 / TwoJoints.noise)
+    promise = _Promise(1.0, Key(GAIN, 1), None, known.gain, unseen.gain)
+    found, _ = _stands(SimpleNamespace(rows=known, new=unseen), estimate, promise, 10)
+    assert found.values[0] == pytest.approx(-0.2, abs=0.02)
+    assert found.after[0] < 0.5 * found.before[0]  # the mass that fits the wrong effort is wrong for the other joint
+    assert found.after[1] > 0.9 * found.before[1]
+
+
+class Fitted:
+    """Coefficients and their standard errors by name."""
+
+    def __init__(self, **values):
+        self.design = SimpleNamespace(names=tuple(f"{name[1:]}.{GAIN}" for name in values))
+        self.theta, self._errors = np.array(list(values.values())).T
+
+    def errors(self):
+        return self._errors
+
+
+def test_a_gain_that_is_not_there_beside_another_is_taken_out(monkeypatch):
+    beside, alone = Fitted(_1=(0.02, 0.01), _2=(-0.15, 0.01)), Fitted(_2=(-0.16, 0.01))
+    monkeypatch.setattr(search, "settled", lambda state, estimate: alone)
+    keys = [Key(GAIN, 1), Key(GAIN, 2)]
+    state = SimpleNamespace(terms=[(key, None) for key in keys], found=[law(key, 0.15) for key in keys])
+    assert _beside(state, beside) is alone
+    assert [key for key, _ in state.terms] == [law.key for law in state.found] == keys[1:]
+    assert _beside(state, alone) is alone
+    assert len(state.terms) == 1
 
 
 @pytest.mark.slow
