@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from signlin_ros.arms.ahead import Ahead, Witness, ahead, compared
 from signlin_ros.arms.data import ArmRun, resized, shifted, with_delays, with_gains
 from signlin_ros.arms.fit import fit
-from signlin_ros.arms.search import DELAY, GAIN, Key, SearchResult, names_of
+from signlin_ros.arms.search import DELAY, GAIN, MIN_COEFFICIENT_ERRORS, Key, SearchResult, names_of
 from signlin_ros.model.arm import ArmModel
 
 if TYPE_CHECKING:
@@ -37,12 +37,20 @@ class Fault:
 
 
 def faults(diagnosis: ArmDiagnosis, law: str) -> tuple[SearchResult, ...]:
-    """Return the faults of one kind that a diagnosis tells and that a model file can hold.
+    """Return the faults of one kind that a diagnosis tells and that a model file can hold."""
+    return tuple(f for f in diagnosis.found if f.key.law == law and _held(diagnosis, f))
 
-    The gain of a motor that turns two joints is told, and stays: their efforts are both of it.
+
+def _held(diagnosis: ArmDiagnosis, fault: SearchResult) -> bool:
+    """Tell whether a model file can hold a fault: of gains, those of one joint that beyond doubt show what acts.
+
+    Both efforts of a motor that turns two joints are of its gain.
     """
+    if fault.key.law != GAIN:
+        return True
     at_motor = diagnosis.comparison.study.model.arm_plant.at_motor
-    return tuple(f for f in diagnosis.found if f.key.law == law and not (law == GAIN and at_motor[f.key.at]))
+    shows = abs(1.0 + float(fault.values[0])) > MIN_COEFFICIENT_ERRORS * float(fault.errors[0])
+    return shows and not at_motor[fault.key.at]
 
 
 def delays(diagnosis: ArmDiagnosis) -> Array:
@@ -75,8 +83,9 @@ def put_right(diagnosis: ArmDiagnosis, law: str) -> tuple[ArmModel, Runs]:
 def not_again(diagnosis: ArmDiagnosis, law: str) -> frozenset[Key]:
     """Return the laws that efforts which were put right are not asked for again."""
     at_motor = diagnosis.comparison.study.model.arm_plant.at_motor
-    own = frozenset(Key(law, i) for i in range(len(at_motor)) if not (law == GAIN and at_motor[i]))
-    return own | {Key(law, -1)} if law == DELAY else own
+    every = range(-1 if law == DELAY else 0, len(at_motor))
+    kept = {f.key for f in diagnosis.found if f.key.law == law and not _held(diagnosis, f)}
+    return frozenset(Key(law, i) for i in every if not (law == GAIN and at_motor[i])) - kept
 
 
 def told_with(diagnosis: ArmDiagnosis, before: Sequence[Fault]) -> ArmDiagnosis:

@@ -31,7 +31,7 @@ def resized_notes(diagnosis: ArmDiagnosis) -> list[str]:
     now, found = gains_of(study.model), list[str]()
     for law in (law for law in diagnosis.found if law.key.law == GAIN):
         i = law.key.at
-        if not study.model.arm_plant.at_motor[i]:
+        if law.key in diagnosis.state.known:
             name, unit = study.names[i], study.robot.joints[i].effort_unit
             said = f"{name}: effort.gain is {now[i]:.4g} in the model that is written, and not {_before(law, now):.4g}"
             found.append(f"{said}; all figures of its effort are in {unit} of that gain")
@@ -49,9 +49,9 @@ def unwritten(diagnosis: ArmDiagnosis) -> list[str]:
     for law in (law for law in diagnosis.found if law.key.at >= 0):
         i, value = law.key.at, float(law.values[0])
         name, joint = study.names[i], study.robot.joints[i]
-        if law.key.law == GAIN and at_motor[i]:
-            said = f"{name}: its motor turns other joints, too, so the model that is written keeps"
-            said += f" effort.gain {gains[i]:.4g}"
+        if law.key.law == GAIN and law.key not in diagnosis.state.known:
+            why = "its motor turns other joints, too" if at_motor[i] else "its effort hardly shows what acts"
+            said = f"{name}: {why}: the model that is written keeps effort.gain {gains[i]:.4g}"
             found.append(f"{said}, and its row is without the gain that was found ({gains[i] / (1.0 + value):.4g})")
         elif law.key.law == "compliant_load":
             stiffness = f"{1.0 / value:.2g} {joint.effort_unit}/{joint.position_unit}"

@@ -8,7 +8,7 @@ import pytest
 
 from signlin_ros.arms import search
 from signlin_ros.arms.data import ArmRun, gains_of, resized, with_gains
-from signlin_ros.arms.faults import not_again, shown, told_with
+from signlin_ros.arms.faults import faults, not_again, shown, told_with
 from signlin_ros.arms.fit import FitDesign, fit
 from signlin_ros.arms.piece import RegressionRows
 from signlin_ros.arms.search import DELAY, GAIN, Key, SearchResult, _beside, _Promise, _stands
@@ -63,6 +63,12 @@ def test_a_fault_that_was_put_right_is_not_asked_for_again():
     assert not_again(diagnosed(), GAIN) == {Key(GAIN, i) for i in range(N)}
     assert not_again(diagnosed(at_motor=(False, True, True)), GAIN) == {Key(GAIN, 0)}
     assert not_again(diagnosed(), DELAY) == {Key(DELAY, i) for i in range(-1, N)}
+
+
+def test_a_gain_that_may_be_nothing_is_told_and_not_written():
+    found = diagnosed(law(Key(GAIN, 0), -0.15), law(Key(GAIN, 2), -0.98))
+    assert [fault.key.at for fault in faults(found, GAIN)] == [0]
+    assert not_again(found, GAIN) == {Key(GAIN, 0), Key(GAIN, 1)}
 
 
 def test_what_had_no_fault_stays_as_it_was_told():
