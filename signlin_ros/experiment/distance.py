@@ -31,6 +31,8 @@ MAX_REFIT_STEPS, ENDS = 8, 0.01
 refit so far."""
 MARGIN_STARTS = 2
 """Sigma points from which the wrong rival of a noisy record is refitted, beside its estimate."""
+KEPT_SAMPLES = 2_000_000
+"""Samples of motions that are kept: searches for other pairs look at the same commands again."""
 LOST = 1e12
 """Cost of a model that diverges."""
 
@@ -40,7 +42,7 @@ class RivalBench:
     """Rivals, and the observer (``gains``) through which a record is seen; ``spread`` (ny,): what a model leaves of the
     first records; ``x0``: where the machine starts, by state; ``bias``: the input that holds it there; ``likely``:
     those that may be true, all where it is empty; ``behind``: by how much the first records leave them behind the best;
-    ``check`` is called before every simulation and refit, and raises what ends the work.
+    ``check`` is called before every simulation and refit, and raises what ends the work; ``motions`` that are kept.
     """
 
     problem: Problem
@@ -53,6 +55,7 @@ class RivalBench:
     behind: Array = field(default_factory=lambda: np.zeros(0), repr=False)
     used: dict[str, int] = field(default_factory=lambda: {"runs": 0, "fits": 0}, repr=False)
     check: Callable[[], None] = field(default=lambda: None, repr=False)
+    motions: dict[tuple[Contender, bytes, bytes, bytes], Trajectory | None] = field(default_factory=dict, repr=False)
 
     @property
     def pairs(self) -> list[Pair]:
@@ -67,11 +70,17 @@ class RivalBench:
         return every
 
     def run(self, i: int, t: Array, u: Array, theta: Array | None = None) -> Trajectory | None:
-        """Return the motion of a rival, at its estimate by default; None where it diverges."""
+        """Return the motion of a rival, at its estimate by default; None where it diverges. It is kept for a while."""
         self.check()
-        self.used["runs"] += 1
         c = self.contenders[i]
-        return c.run(c.theta if theta is None else theta, t, self.inputs(u), self.x0)
+        theta = c.theta if theta is None else theta
+        key = (c, theta.tobytes(), t.tobytes(), u.tobytes())
+        if key not in self.motions:
+            if (len(self.motions) + 1) * t.size > KEPT_SAMPLES:
+                self.motions.clear()
+            self.used["runs"] += 1
+            self.motions[key] = c.run(theta, t, self.inputs(u), self.x0)
+        return self.motions[key]
 
     def segment(self, i: int, run: Trajectory, theta: Array | None = None) -> PreparedSegment:
         """Return the sensors' readings of a motion, without noise, as a record."""
