@@ -7,7 +7,6 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-import sympy
 
 from signlin_ros.compiled import exact_tape, scales, smooth_function
 from signlin_ros.console import catalogue
@@ -226,6 +225,8 @@ def test_every_parameter_matters_and_stands_in_the_equation(effect):
 @every_effect
 def test_the_equation_renders(effect):
     """Every law evaluates to a SymPy expression that prints and holds the effect's parameters."""
+    import sympy
+
     m, real = SympyMath(), {"real": True}
     declared, nominal = effect.pars(), nominal_values(effect.pars())
     pars = {name: sympy.Symbol(name, **real) for name in nominal}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import control
 import numpy as np
 import pytest
 
@@ -19,6 +18,8 @@ KV, KA, KP = 0.09, 0.02, 0.3
 
 @pytest.mark.parametrize("position", [False, True])
 def test_gains_without_delay_are_python_controls_dlqr(position):
+    import control
+
     A, B = rigid(KV, KA, KP, position)
     F, G = held(A, B, 0.02)
     Q, R = WEIGHTS.matrices(KA, position)
@@ -31,6 +32,8 @@ def test_gains_without_delay_are_python_controls_dlqr(position):
 
 @pytest.mark.parametrize("position", [False, True])
 def test_pid_is_python_controls_lqr(position):
+    import control
+
     model = Model.load("dc_motor")
     c = known(model, Task(position, 0.02, 0.0, 10.0, 5.0))
     A, B = rigid(c.kV, c.kA, c.kP, position)

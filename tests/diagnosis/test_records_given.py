@@ -42,16 +42,20 @@ def stopping(name: str) -> ModelData:
 @pytest.mark.parametrize(
     ("data", "validation", "words"),
     [
-        ([record()], [still("zeros.csv")], "zeros.csv: nothing moves"),
-        ([record(), still("zeros.csv")], [record("other.csv")], "zeros.csv: nothing moves"),
-        ([stopping("stops.csv")], None, "stops.csv: nothing moves in the last third, which is held out"),
-        ([record().part(0, 5)], None, "5 samples, of which the last third is held out; at least 300 are needed"),
-        ([record()], [record().part(0, 5)], "5 samples; at least 100 are needed"),
+        (lambda: [record()], lambda: [still("zeros.csv")], "zeros.csv: nothing moves"),
+        (lambda: [record(), still("zeros.csv")], lambda: [record("other.csv")], "zeros.csv: nothing moves"),
+        (lambda: [stopping("stops.csv")], None, "stops.csv: nothing moves in the last third, which is held out"),
+        (
+            lambda: [record().part(0, 5)],
+            None,
+            "5 samples, of which the last third is held out; at least 300 are needed",
+        ),
+        (lambda: [record()], lambda: [record().part(0, 5)], "5 samples; at least 100 are needed"),
     ],
 )
 def test_a_record_that_tells_nothing_is_refused(data, validation, words):
     with pytest.raises(RecordError, match=words):
-        prepared(MOTOR, *((data, validation) if validation else held_out(data)))
+        prepared(MOTOR, *((data(), validation()) if validation else held_out(data())))
 
 
 def test_runs_that_are_short_are_taken_together():

@@ -3,7 +3,6 @@
 import casadi as ca
 import numpy as np
 import pytest
-import sympy
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -41,6 +40,8 @@ def recorded(word, value):
 
 def rendered(word, value):
     """The value of a word's equation."""
+    import sympy
+
     x = sympy.Symbol("x", real=True)
     return float(sympy.sympify(word(SympyMath(), x)).subs(x, sympy.Float(value, 40)))
 
@@ -57,6 +58,8 @@ def test_numpy_recorder_and_sympy_agree(name, value):
 @pytest.mark.parametrize("name", SMOOTH_FUNCTIONS)
 @pytest.mark.parametrize("x", [0.01, 0.25, 1.9])
 def test_smooth_words_are_compiled_with_their_derivatives(name, x):
+    import sympy
+
     z = ca.SX.sym("z")
     e = getattr(Recorder(), name)(z)
     tape = Tape.of(ca.Function("f", [z], [e, ca.jacobian(e, z), ca.hessian(e, z)[0]]))

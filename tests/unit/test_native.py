@@ -72,7 +72,7 @@ def values(tape: Tape, *inputs: float) -> np.ndarray:
 
 
 def process(cache: Path, *, run: bool = True) -> subprocess.Popen[str]:
-    env = {**os.environ, "NUMBA_CACHE_DIR": str(cache)}
+    env = {n: v for n, v in os.environ.items() if n != "NUMBA_CACHE_DIR"} | {"XDG_CACHE_HOME": str(cache)}
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     started = subprocess.Popen([sys.executable, "-c", IN_A_PROCESS], env=env, text=True, **pipes)
     if run:
