@@ -63,8 +63,10 @@ class WorkerTemplate:
 
     async def start(self) -> None:
         """Start the process if there is none."""
-        if self._process is not None and self._process.returncode is None:
+        if self._listening is not None and not self._listening.done():
             return
+        if self._orders is not None:
+            self._orders.close()
         ours, theirs = socket.socketpair()
         with theirs:
             self._process = await asyncio.create_subprocess_exec(
@@ -79,23 +81,42 @@ class WorkerTemplate:
         self._listening = asyncio.create_task(self._listen(self._process, self._begun))
 
     async def worker(self, nice: int) -> WorkerCopy:
-        """Return a new worker; raises `ConnectionError` where the template has ended."""
+        """Return a new worker; raises `ConnectionError` where the template ends whenever it is asked."""
+        making = asyncio.ensure_future(self._made(nice))
+        try:
+            return await asyncio.shield(making)  # an order that was sent has an answer, which the next must not take
+        except asyncio.CancelledError:
+            making.add_done_callback(_not_wanted)
+            raise
+
+    async def _made(self, nice: int) -> WorkerCopy:
         async with self._turn:
-            await self.start()
-            ours, theirs = socket.socketpair()
+            try:
+                return await self._copied(nice)
+            except ConnectionError:  # it has ended since the last one
+                if self._listening is not None:
+                    await self._listening
+                return await self._copied(nice)
+
+    async def _copied(self, nice: int) -> WorkerCopy:
+        await self.start()
+        ours, theirs = socket.socketpair()
+        try:
             with theirs:
                 socket.send_fds(self._given(), [str(nice).encode()], [theirs.fileno()])
             pid = await self._begun.get()
             if pid is None:
-                ours.close()
                 raise ConnectionError("the template of workers has ended")
-            ours.setblocking(False)
-            copy = WorkerCopy(pid, *await asyncio.open_connection(sock=ours))
-            if pid in self._ended_at_once:
-                copy.ended(self._ended_at_once.pop(pid))
-            else:
-                self._copies[pid] = copy
-            return copy
+        except ConnectionError:
+            ours.close()
+            raise
+        ours.setblocking(False)
+        copy = WorkerCopy(pid, *await asyncio.open_connection(sock=ours))
+        if pid in self._ended_at_once:
+            copy.ended(self._ended_at_once.pop(pid))
+        else:
+            self._copies[pid] = copy
+        return copy
 
     def _given(self) -> socket.socket:
         if self._orders is None:
@@ -126,6 +147,12 @@ class WorkerTemplate:
         self._orders.close()
         await self._listening
         await self._process.wait()
+
+
+def _not_wanted(made: asyncio.Future[WorkerCopy]) -> None:
+    """End a worker that nobody waits for any more."""
+    with contextlib.suppress(asyncio.CancelledError, ConnectionError, ProcessLookupError):
+        made.result().kill()
 
 
 __all__ = ["WorkerCopy", "WorkerTemplate", "environment"]

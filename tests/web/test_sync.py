@@ -7,6 +7,7 @@ import http.client
 import json
 import os
 import shutil
+import signal
 import subprocess
 import time
 from collections.abc import Callable
@@ -21,6 +22,7 @@ from signlin_ros.workbench.lane import Lane, LaneCancelledError
 from signlin_ros.workbench.live import Live
 from signlin_ros.workbench.project import Project
 from signlin_ros.workbench.session import MAX_PENDING_EVENTS, Session
+from signlin_ros.workbench.template import WorkerTemplate
 
 if TYPE_CHECKING:
     from conftest import Client, Page, Server
@@ -157,6 +159,38 @@ def test_what_takes_long_gives_way(tmp_path: Path, nice: int) -> None:
         return found
 
     assert asyncio.run(run()) == min(mine + nice, 19)  # no process is nicer than that
+
+
+def test_workers_are_copies_of_a_template_that_is_started_again_where_it_ends(tmp_path: Path) -> None:
+    mine = os.getpriority(os.PRIO_PROCESS, 0)
+
+    async def run() -> None:
+        template = WorkerTemplate()
+        view, work = (Lane(tmp_path, nice, template) for nice in (0, 5))
+        for lane in (view, work):
+            assert (await lane.call("ready", {}))["ready"]
+        first, second = [await lane.start() for lane in (view, work)]
+        assert _parent(first.pid) == _parent(second.pid) != os.getpid()
+        assert os.getpriority(os.PRIO_PROCESS, second.pid) == min(mine + 5, 19)
+        await view.cancel()
+        assert first.returncode == -signal.SIGKILL
+        assert (await view.call("ready", {}))["ready"]
+        os.kill(_parent(second.pid), signal.SIGKILL)
+        assert await second.wait() == -signal.SIGKILL  # no worker outlives what the server asks for it
+        assert (await work.call("ready", {}))["ready"]
+        last = await work.start()
+        unwanted = asyncio.create_task(template.worker(0))
+        await asyncio.sleep(0)
+        unwanted.cancel()
+        assert (await Lane(tmp_path, 0, template).call("ready", {}))["ready"]  # a worker of its own, not that one
+        await template.close()
+        assert last.returncode == -signal.SIGKILL
+
+    asyncio.run(run())
+
+
+def _parent(pid: int) -> int:
+    return int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])
 
 
 def test_a_job_is_cancelled_between_its_requests(tmp_path: Path) -> None:
