@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import functools
 import re
 from collections.abc import Collection, Iterable
 from dataclasses import replace
@@ -153,10 +155,24 @@ class Axis(Rig):
         self.become(self.true.with_parameters({"m": PAYLOAD * self.true.value("m")}))
 
 
-def named(rig: Rig, what: str) -> list[Named]:
-    """Return what the monitor calls a change."""
+@functools.cache
+def _learnt(kind: type[Rig], seed: int, channels: tuple[str, ...]) -> Rig:
+    rig = kind(seed, channels=channels)
     rig.go(AT)
     assert rig.logic.alarm is None
+    return rig
+
+
+def learnt(kind: type[Rig], seed: int, channels: tuple[str, ...] = ("position",)) -> Rig:
+    """Return a rig whose monitor has learnt what is usual; worked out once, each gets a copy."""
+    rig = _learnt(kind, seed, channels)
+    logic = rig.logic
+    shared = (rig.model, rig.true, logic.model, logic._bare, logic.bare_linearizer)  # none of them changes
+    return copy.deepcopy(rig, {id(one): one for one in shared})
+
+
+def named(rig: Rig, what: str) -> list[Named]:
+    """Return what the monitor of a rig that has learnt calls a change."""
     rig.change(what)
     rig.go(AT + SEEN)
     question = rig.logic.question(round((AT + SEEN) * NANO))
@@ -178,7 +194,7 @@ def named(rig: Rig, what: str) -> list[Named]:
     ],
 )
 def test_what_a_machine_does_most_is_named_with_its_size(what: str, name: str, value: float, near: float) -> None:
-    first = named(Rig(5), what)[0]
+    first = named(learnt(Rig, 5), what)[0]
     assert first.name == name
     assert first.value == pytest.approx(value, abs=near)
     assert first.explained > 0.9
@@ -186,14 +202,13 @@ def test_what_a_machine_does_most_is_named_with_its_size(what: str, name: str, v
 
 @pytest.mark.slow
 def test_a_change_that_no_hypothesis_holds_is_not_named() -> None:
-    assert named(Rig(5), "cogging") == []
+    assert named(learnt(Rig, 5), "cogging") == []
 
 
 @pytest.mark.slow
 def test_a_change_that_begins_like_a_shift_is_not_called_one_while_the_model_stays_wrong() -> None:
     """Loads, weights and gains often begin with the trace of a shift; what is told must be true, or not be told."""
-    rig = Rig(6)
-    rig.go(AT)
+    rig = learnt(Rig, 6)
     rig.change("cogging")
     rig.go(AT + SEEN)
     question = rig.logic.question(round((AT + SEEN) * NANO))
@@ -218,7 +233,7 @@ def test_an_effort_that_nobody_measures_hides_no_change(seed: int) -> None:
 
 @pytest.mark.slow
 def test_a_payload_is_named_of_a_machine_whose_model_has_no_weight() -> None:
-    first = named(Light(5), "payload")[0]
+    first = named(learnt(Light, 5), "payload")[0]
     assert first.name == "payload"
     assert first.value == pytest.approx(PAYLOAD, abs=0.1)
     sizes = [float(v) for v in re.findall(r"([\d.e-]+) N·m", first.sentence)]
@@ -227,7 +242,7 @@ def test_a_payload_is_named_of_a_machine_whose_model_has_no_weight() -> None:
 
 @pytest.mark.slow
 def test_a_payload_of_a_linear_axis_is_its_mass() -> None:
-    first = named(Axis(5, channels=("displacement",)), "payload")[0]
+    first = named(learnt(Axis, 5, ("displacement",)), "payload")[0]
     assert first.name == "m"
     assert first.value == pytest.approx(PAYLOAD, abs=0.1)
 
