@@ -56,7 +56,7 @@ def unwritten(diagnosis: ArmDiagnosis) -> list[str]:
         elif law.key.law == "compliant_load":
             stiffness = f"{1.0 / value:.2g} {joint.effort_unit}/{joint.position_unit}"
             said = f"{name}: its elastic gear, {stiffness}, is told, and not in the model that is written"
-            found.append(f"{said}: its row lacks it")
+            found.append(f"{said}: its row is that of a model which was fitted without it")
     return found
 
 

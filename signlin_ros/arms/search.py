@@ -56,7 +56,10 @@ MAX_LAWS_ADDED = 12
 DELAY, GAIN = "sensor_delay", "sensor_gain"
 """Names of the laws that an effort is recorded later than the motion, and that it shows another size than what acts."""
 SEEN_ELSEWHERE = ("compliant_load", GAIN)
-"""Laws of a joint that others may show: bodies that fit a wrong gain of one joint are wrong for its neighbours."""
+"""Laws of a joint that others may show: bodies that fit a wrong gain of one joint are wrong for its neighbours.
+
+No model that is written has them: a gain is taken out of the efforts first, an elastic gear has states of its own.
+"""
 
 
 @dataclass(frozen=True)

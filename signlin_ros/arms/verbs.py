@@ -21,6 +21,7 @@ from signlin_ros.arms.search import (
     MIN_COEFFICIENT_ERRORS,
     MIN_VALIDATION_ERRORS,
     MIN_VALIDATION_SHARE,
+    SEEN_ELSEWHERE,
     Key,
     SearchResult,
     State,
@@ -283,7 +284,9 @@ def _told(
     couplings: Sequence[tuple[str, str]],
 ) -> ArmDiagnosis:
     found = comparison.study
-    new = proposal(found, state, estimate)
+    written = replace(state, terms=[(key, law) for key, law in state.terms if key.law not in SEEN_ELSEWHERE])
+    as_written = settled(written, estimate) if len(written.terms) < len(state.terms) else estimate
+    new = proposal(found, written, as_written)
     own = found.new.by_joint(found.left(new.model, found.new))
     payload = {}
     if "payload.m" in estimate.design.names:

@@ -12,8 +12,9 @@ from signlin_ros.arms.data import ArmRun, effort_step
 from signlin_ros.arms.laws import EXTRA, Loads, column, force
 from signlin_ros.arms.notes import unwritten
 from signlin_ros.arms.piece import ArmSegment, RegressionRows
+from signlin_ros.arms.search import Key, settled
 from signlin_ros.arms.told import compared_json, diagnosed_json, effects_named, sentences
-from signlin_ros.arms.verbs import add, compare, diagnose
+from signlin_ros.arms.verbs import _told, add, compare, diagnose
 from signlin_ros.cli import main
 from signlin_ros.errors import ModelError
 from signlin_ros.model import Model
@@ -125,6 +126,18 @@ def test_a_wrong_gain_is_told_from_friction_and_its_neighbour_is_left_in_peace(n
     assert named(found)["shoulder"][0] == "sensor_gain"
     assert not unwritten(found)
     assert found.proposal.model.parameters["shoulder.gain"] == pytest.approx(1.0 / 1.25, rel=0.05)
+
+
+def test_a_model_is_written_as_if_an_elastic_gear_that_it_cannot_have_were_not_known(nothing_hidden):
+    comparison = compare(MODEL, [nothing_hidden[0]], [nothing_hidden[1]], BAND)
+    written_ = []
+    for terms in ([], [(Key("compliant_load", 1), None)]):
+        state = comparison.study.state()
+        state.terms = list(terms)
+        estimate = settled(state)
+        written_.append(_told(comparison, state, estimate, (), []).proposal.model)
+    plain, elastic = written_
+    np.testing.assert_allclose(elastic.robot.pi, plain.robot.pi, rtol=1e-3, atol=1e-5)
 
 
 def test_a_coupling_that_the_file_does_not_have_is_named_on_both_joints():
