@@ -102,7 +102,7 @@ def _first_choice(evidence: Evidence) -> tuple[FittedModel, str]:
             return together, ""
     if first is None or not evidence.explains_force(first):
         path = evidence.output_error.search(
-            evidence.criteria.max_effects, _names_to_search(evidence), partial(_single_law_search, evidence)
+            evidence.criteria.max_effects, partial(_names_to_search, evidence), partial(_single_law_search, evidence)
         )
         evidence.cache.keep(*(f for step in path for f in step))
         return _resolved(evidence, [first] if first else [], path[-1][0])
@@ -133,14 +133,15 @@ def _unless_angular(evidence: Evidence, first: FittedModel) -> FittedModel:
     return other if other and better else first
 
 
-def _names_to_search(evidence: Evidence) -> list[str] | None:
-    """Return the effects that the forward search tries, None for all.
+def _names_to_search(evidence: Evidence, now: FittedModel) -> list[str] | None:
+    """Return the effects that the forward search tries beside a model, None for all.
 
     Where the force residual is above the noise: effects that act on no force, waves, and the laws that lower the force
-    residual. Where that residual is small and no law was chosen, these laws are left out.
+    residual. Where that residual is small and no law was chosen, these laws are left out. Where the model has an effect
+    that acts on no force, as a late sensor, forces were read from signals as they are without it, and count no more.
     """
     force, share = evidence.equation_error, evidence.percent_of_effort(evidence.force_mse(evidence.base))
-    if force is None or not evidence.force_shows(evidence.base):
+    if force is None or not evidence.force_shows(evidence.base) or set(now.effects) & evidence.unseen_by_force:
         return None
     small = share is not None and share < 100.0 * evidence.criteria.min_missing_share
     waves = {n for n, effect in EFFECTS.items() if effect.periodic}  # what passes its band is not all that there are

@@ -956,15 +956,18 @@ def test_the_motion_is_searched_for_what_the_force_does_not_rule_out(share, laws
     """For all that there is where the force is not seen; for no law where there is little force, and none found."""
     force = equation_error_stub(*LAWS, helpful=("stribeck_friction",))
     squares = {BASE: np.full(BLOCKS, (share * EFFORT) ** 2)}
-    names = selection._names_to_search(both(Motion(BASE), force, kept=squares))
+    evidence = both(Motion(BASE), force, kept=squares)
+    names = selection._names_to_search(evidence, BASE)
     assert (names is None) == (laws is None)
     assert names is None or (set(names) & set(LAWS) == laws and {"input_delay", "sensor_offset"} <= set(names))
+    late = Fit(("sensor_delay",), (2.0,), 1.0)
+    assert selection._names_to_search(evidence, late) is None  # forces were read from a speed that was late
 
 
 def test_a_law_that_the_force_proposes_is_searched_for_however_little_there_is():
     force = equation_error_stub(*LAWS, effects=("coulomb_friction",), helpful=("coulomb_friction",))
     squares = {BASE: np.full(BLOCKS, (0.04 * EFFORT) ** 2)}
-    assert "coulomb_friction" in (selection._names_to_search(both(Motion(BASE), force, kept=squares)) or ())
+    assert "coulomb_friction" in (selection._names_to_search(both(Motion(BASE), force, kept=squares), BASE) or ())
 
 
 @pytest.mark.parametrize("seen", [True, False])

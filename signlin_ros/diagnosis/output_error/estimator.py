@@ -305,25 +305,25 @@ class OutputErrorEstimator(Minima):
     def search(
         self,
         depth: int,
-        names: Sequence[str] | None = None,
+        names: Callable[[FittedModel], Sequence[str] | None] = lambda _: None,
         single: Callable[[FittedModel], FittedModel | None] = lambda _: None,
     ) -> list[list[FittedModel]]:
         """Return the steps from the base to what is proposed: of each what was taken, then the other options, least
-        error first. The first is the base; the last holds what was tried in vain too. ``names``: tried, all by default;
-        ``single`` finds the one effect that is enough where the first step leaves more than noise.
+        error first. The first is the base; the last holds what was tried in vain too. ``names``: what is tried beside a
+        fit, None for all; ``single`` finds the one effect that is enough where the first step leaves more than noise.
         """
         now = self.base
         path = [[now]]
         while len(now.effects) < depth and (len(path) == 1 or not now.white):
-            options = self.extensions(now, names)
+            options = self.extensions(now, names(now))
             alike = self.as_good_as_best(now, options)
             if len(path) == 1 and not (alike and alike[0].white) and (whole := single(alike[0] if alike else now)):
                 return [path[0], [whole, *options]]
             if not (now.white or (alike and alike[0].white)):
-                options += self.cross_entropy(now, names)
+                options += self.cross_entropy(now, names(now))
                 alike = self.as_good_as_best(now, options)
             if not alike and depth > 1 and not (now.white or now.effects):
-                options += [two for one in options[:BEAM] for two in self.extensions(one, names)]
+                options += [two for one in options[:BEAM] for two in self.extensions(one, names(one))]
                 options = [*{one.kind: self.best(one) for one in options}.values()]  # a larger one may show the way
                 alike = self.as_good_as_best(now, options)
             if not alike:

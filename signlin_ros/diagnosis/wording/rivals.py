@@ -52,9 +52,12 @@ def _together(rivals: Sequence[RefittedRival], names: Sequence[str]) -> str:
 
 
 def _holds(r: RefittedRival, final: FittedModel) -> bool:
-    """Tell whether a rival is a law of the same family that has a size, and is richer than what is named."""
-    families = [EFFECTS[e[0]].family if len(e) == 1 else "" for e in (r.effects, final.effects)]
-    return bool(r.size and families[0]) and families[0] == families[1] and r.best.n_parameters > final.n_parameters
+    """Tell whether a rival has a size and is richer than what is named: of its family, or a law that contains it."""
+    if len(r.effects) != 1 or len(final.effects) != 1 or not r.size:
+        return False
+    rival, named = EFFECTS[r.effects[0]], EFFECTS[final.effects[0]]
+    kin = bool(rival.family) and rival.family == named.family
+    return (kin or named.name in rival.contains) and r.best.n_parameters > final.n_parameters
 
 
 def _bound(evidence: Evidence, r: RefittedRival, final: FittedModel) -> str:

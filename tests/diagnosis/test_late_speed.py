@@ -1,0 +1,44 @@
+"""Dry friction beside a speed that is recorded late, where forces tell nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from signlin_ros.diagnosis import diagnose
+from signlin_ros.model import Model
+from signlin_ros.records import ModelData
+from signlin_ros.simulation import simulate
+
+STEP, LATE, MU = 0.005, 6, 0.018
+MOTOR = Model.from_dict(
+    {
+        "plant": "dc_motor",
+        "parameters": {"R_a": 0.9, "L_a": 0.0012, "K_t": 0.062, "K_m": 0.062, "B": 2e-5, "J": 3.1e-4},
+        "tolerance": {"J": 0.15, "B": 0.5},
+    }
+)
+
+
+def late(seed: int) -> ModelData:
+    """Return 6 s of a motor with Coulomb friction whose speed is recorded 30 ms late."""
+    random, t = np.random.default_rng(seed), np.arange(1200) * STEP
+    frequencies, phases = np.exp(random.uniform(np.log(0.2), np.log(6.0), 9)), random.uniform(0, 2 * np.pi, 9)
+    voltage = np.sum(np.sin(2 * np.pi * np.outer(t, frequencies) + phases) / frequencies**0.3, axis=1)
+    voltage *= 3.0 / voltage.std()
+    x = simulate(MOTOR.with_effect("coulomb_friction", mu=MU), t, voltage).x
+    x += random.normal(size=x.shape) * (0.01, 0.15)
+    measured = {"current": x[LATE:, 0], "speed": x[:-LATE, 1]}
+    return ModelData(t[LATE:], voltage[LATE:, None], measured, None, MOTOR.inputs, MOTOR.states, dict(MOTOR.units))
+
+
+@pytest.mark.slow
+def test_friction_is_found_beside_a_late_speed():
+    """MISSING Bouc-Wen hysteresis and sensor delay: Coulomb friction was not tried beside a late sensor, since forces
+    that were read from the speed as it was recorded did not show it.
+    """
+    found = diagnose(MOTOR, late(301), validation=late(302))
+    friction = found.model.effects["coulomb_friction"].parameters["mu"]
+    assert friction == pytest.approx(MU, rel=0.03)
+    assert found.model.sensors["speed"].delay == pytest.approx(LATE * STEP, rel=0.03)
+    assert found.model.value("B") < 10 * MOTOR.value("B")
