@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from signlin_ros.control import CONTROL_PERIOD
 from signlin_ros.errors import InputError
 
 if TYPE_CHECKING:
@@ -359,7 +360,7 @@ def gains(
     model: ModelLike,
     at: Mapping[str, float] | None = None,
     *,
-    period: float = 0.02,
+    period: float = CONTROL_PERIOD,
     delay: float | None = None,
     bandwidth: float | None = None,
 ) -> dict[str, Any]:
@@ -425,7 +426,7 @@ def controller(
     speed: float,
     limit: float,
     position: bool = False,
-    period: float = 0.02,
+    period: float = CONTROL_PERIOD,
     delay: float | None = None,
     design: str = "along_reference",
 ) -> ControlLaw:

@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from signlin_ros.control import CONTROL_PERIOD
 from signlin_ros.errors import InputError, choices, suggest
 from signlin_ros.model import Model, find_model_file
 from signlin_ros.nodes.start import FOLLOWED
@@ -36,8 +37,8 @@ FIRST_TO_END = "controller"
 OF_A_NAMESPACE = re.compile(r"(?:([A-Za-z_/][\w/]*)=)?(.+)")
 """A model, with the namespace that it is for before it."""
 NO_LIMIT = "no controller: give -p controller.limit=..., the largest |input| that the drive may be given"
-WATCHDOG_PERIODS, CONTROL_PERIOD = 5, 0.02
-"""Control periods without an input after which a simulated drive's watchdog ends the last one; s of one by default."""
+WATCHDOG_PERIODS = 5
+"""Control periods without an input after which a simulated drive's watchdog ends the last one."""
 POLL_PERIOD = 0.05
 """Seconds between two looks at whether all still run."""
 PATIENCE = 15.0

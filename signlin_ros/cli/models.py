@@ -11,6 +11,7 @@ from signlin_ros.cli.arms import gains_of, is_arm
 from signlin_ros.cli.options import Examples, Report, cure_option, json_option, mapping_of, signal_option
 from signlin_ros.cli.telling import progress, tell
 from signlin_ros.cli.values import by_own_name, numbers_of, positive
+from signlin_ros.control import CONTROL_PERIOD
 from signlin_ros.errors import InputError
 
 METHOD_CHOICES = ("optimal", "termwise", "jacobian", "per_joint")
@@ -115,7 +116,7 @@ signlin gains my_servo.yaml --period 0.005 --speed 3 --limit 12 --json""",
 )
 @click.argument("model")
 @click.option("--at", "at", multiple=True, metavar="NAME=NUMBER,...", help="The operating point's states.")
-@click.option("--period", type=float, default=0.02, show_default=True, help="Time between updates in s.")
+@click.option("--period", type=float, default=CONTROL_PERIOD, show_default=True, help="Time between updates in s.")
 @click.option("--delay", type=float, help="From a sample until its input acts, in s; default: one period.")
 @click.option("--speed", type=float, help="Largest speed of the references; default: what the model is made for.")
 @click.option("--limit", type=float, help="Largest |input|; default: where MODEL's input saturates, else none.")

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.control import CONTROL_PERIOD
 from signlin_ros.control.approach import Reach
 from signlin_ros.control.constants import Constants
 from signlin_ros.control.designs import DEFAULT_DESIGN, Design, Task, Tuning, default_tuning, find_design, known
@@ -36,7 +37,7 @@ class ControllerSettings:
     limit: float
     design: str = DEFAULT_DESIGN
     position: bool = False
-    period: float = 0.02
+    period: float = CONTROL_PERIOD
     delay: float = 0.0
     speed: float = 0.0
     tolerance: float = 0.0

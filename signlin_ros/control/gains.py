@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.control import CONTROL_PERIOD
 from signlin_ros.control.constants import Constants
 from signlin_ros.control.designs import (
     DEFAULT_DESIGN,
@@ -45,7 +46,7 @@ class Wishes:
     None: chosen from the model. The delay is the longest; a loop has to hold with every one from the model's own on.
     """
 
-    period: float = 0.02
+    period: float = CONTROL_PERIOD
     delay: float | None = None
     speed: float | None = None
     limit: float | None = None

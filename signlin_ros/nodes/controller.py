@@ -19,6 +19,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header, String
 from std_srvs.srv import Trigger
 
+from signlin_ros.control import CONTROL_PERIOD
 from signlin_ros.control.controller import Controller, ControllerSettings
 from signlin_ros.control.designs import DEFAULT_DESIGN, DESIGNS
 from signlin_ros.errors import InputError
@@ -39,7 +40,7 @@ from signlin_ros.nodes.turns import Turns
 OPTIONS = {
     "design": Overridable(DEFAULT_DESIGN, "how the input is made", choices=tuple(DESIGNS), read_only=False),
     "track": Overridable("speed", "what a reference is", choices=("speed", "position")),
-    "control_period": Overridable(0.02, "time between two inputs [s]", 1e-3, 10.0),
+    "control_period": Overridable(CONTROL_PERIOD, "time between two inputs [s]", 1e-3, 10.0),
     "limit": Overridable(0.0, "largest |input|, in its unit; must be given", 0.0, 1e9),
     "loop_delay": Overridable(
         0.0, "the longest from a sample until its input acts [s]; 0: one period, and the model's delay", 0.0, 10.0
