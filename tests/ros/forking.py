@@ -135,16 +135,18 @@ def main() -> None:
         os.set_blocking(end, False)
     signal.signal(signal.SIGCHLD, lambda *_: None)
     signal.set_wakeup_fd(wake, warn_on_full_buffer=False)
-    unread = b""
+    unread, copies = b"", set[int]()
     while True:
         ready = select.select([orders, woken], [], [])[0]
         if woken in ready:
             os.read(woken, 4096)
-            _tell_ended(orders)
+            copies -= _tell_ended(orders)
         if orders not in ready:
             continue
         received = orders.recv(1 << 16)
-        if not received:
+        if not received:  # the tests have ended, in order or not: nothing is left running
+            for pid in copies:
+                os.kill(pid, signal.SIGKILL)
             return
         *whole, unread = (unread + received).split(b"\n")
         for line in whole:
@@ -155,18 +157,21 @@ def main() -> None:
                 for one in (orders.detach(), woken, wake):
                     os.close(one)
                 _run(**order)
+            copies.add(pid)
             orders.sendall(json.dumps({"kind": "begun", "pid": pid}).encode() + b"\n")
 
 
-def _tell_ended(orders: socket.socket) -> None:
-    """Tell of copies that have ended: the code as `subprocess` has it, and seconds of processor time."""
+def _tell_ended(orders: socket.socket) -> set[int]:
+    """Tell of copies that have ended: the code as `subprocess` has it, and seconds of processor time; return them."""
+    ended = set[int]()
     while True:
         try:
             pid, status, used = os.wait4(-1, os.WNOHANG)
         except ChildProcessError:
-            return
+            return ended
         if pid == 0:
-            return
+            return ended
+        ended.add(pid)
         code, spent = os.waitstatus_to_exitcode(status), used.ru_utime + used.ru_stime
         orders.sendall(json.dumps({"kind": "ended", "pid": pid, "code": code, "spent": spent}).encode() + b"\n")
 
