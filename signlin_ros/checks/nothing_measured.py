@@ -118,7 +118,9 @@ def _driven(look: Look) -> bool:
     edges = np.flatnonzero(np.diff(np.sign(v)) != 0) + 1
     noise = look.noise(look.velocity).sigma if look.velocity in look.channels else 0.0
     peaks = np.array([float(np.abs(part).max()) for part in np.split(v, edges) if part.size and part.any()])
-    rises = peaks[1:] > RISES * peaks[:-1] + 4.0 * noise
+    peaks = peaks[peaks > 4.0 * noise]
+    before = np.maximum(peaks[1:-1], peaks[:-2])  # noise crosses zero many times at a turn
+    rises = peaks[2:] > RISES * before + 4.0 * noise
     return int(rises.sum()) >= OFTEN_SAMPLES
 
 

@@ -11,6 +11,7 @@ from signlin_ros.checks.base import Check
 from signlin_ros.checks.finding import Finding
 from signlin_ros.checks.linear import Base
 from signlin_ros.checks.look import Look
+from signlin_ros.checks.unit_or_sign import MAX_GOOD_RESIDUAL
 from signlin_ros.records import ModelData
 from signlin_ros.records.table import frozen
 
@@ -27,8 +28,9 @@ class SlowSampling(Check):
     Test: a step is more than `MAX_STEP_OVER_TIME_CONSTANT` of its time constants, by the model's own numbers; nothing
     is left to chance.
     Cure: none; what only that motion tells is not known from this record. If even the slowest motion is over between
-    two samples, the record is refused: the time is in another unit, or, where that was said, the model's parameters are
-    not the machine's. Where the model follows the
+    two samples, and the model does not follow the record from rest to rest, as a valve on its spring in a slow log, it
+    is refused: the time is in another unit, or, where that was said, the model's parameters are not the machine's.
+    Where the model follows the
     record better with inputs that change evenly from one sample to the next, they may have been sampled from what went
     on in between: ``input_between`` lets each act from half a step before its sample, as ``input_hold: centred`` does.
     """
@@ -46,12 +48,11 @@ class SlowSampling(Check):
             return
         fast, slow = 1.0 / sizes[moving].max(), 1.0 / sizes[moving].min()
         if look.step > MAX_STEP_OVER_TIME_CONSTANT * slow:
-            yield Finding(
-                self.name,
-                "t",
-                "refuse",
-                f"a sample every {look.step:.3g} s, while the model's slowest motion takes {slow:.3g} s{_asked(look)}",
-            )
+            sentence = f"a sample every {look.step:.3g} s, while the model's slowest motion takes {slow:.3g} s"
+            if look.predicted is not None and look.predicted.left() < MAX_GOOD_RESIDUAL:
+                yield self.note("t", f"{sentence}: only forces at rest are known from this record")
+            else:
+                yield Finding(self.name, "t", "refuse", f"{sentence}{_asked(look)}")
         elif look.step > MAX_STEP_OVER_TIME_CONSTANT * fast:
             state = _fastest_state(look.base, look.model.states)
             sentence = (

@@ -25,8 +25,8 @@ class TimeUnit(Check):
 
     Test: a step is more than `LOST_STEP` of the model's slowest time constants, and less than `SAMPLED_STEP` of them
     in another unit, the largest of which the linear base leaves at most 0.4 of what it leaves otherwise, and 0.35 of
-    what the channels do. A slow log, sampled once in a time constant, does not come to the second part: a short step
-    leaves little of any channel. What the reader asks is asked here too, whatever the model says. Cure: the conversion
+    what the channels do, and at most 0.4 of what it leaves without its inputs: after a short step little is left of any
+    channel. A slow log, sampled once in a time constant, does not come to the second part. What the reader asks is asked here too, whatever the model says. Cure: the conversion
     (``t_in_ms``).
     """
 
@@ -52,7 +52,10 @@ def _best(look: Look) -> str:
     before = look.predicted.left() if look.predicted else 1.0
     unit = next((unit for unit, factor in TIME_UNITS.items() if factor * steps < SAMPLED_STEP), "")
     p = prediction(look.base, _converted(TIME_UNITS[unit])(look.record), look.channels) if unit else None
-    return unit if p is not None and p.left() < min(MAX_ERROR_RATIO * before, MAX_GOOD_RESIDUAL) else ""
+    if p is None or not p.left() < min(MAX_ERROR_RATIO * before, MAX_GOOD_RESIDUAL):
+        return ""
+    undriven = dict.fromkeys(look.model.inputs, 0.0)
+    return unit if p.left() < MAX_ERROR_RATIO * p.left(undriven) else ""
 
 
 def _converted(factor: float) -> Callable[[ModelData], ModelData]:

@@ -178,6 +178,14 @@ class _Raw:
             return gain * self.values[name], gain * self.noise[name]
         return effort_gain(model, False) * self.u[:, 0], 0.0
 
+    def size(self, cutoff: float | None) -> float:
+        """Return the standard deviation of the effort, or of the inertial force below a ``cutoff`` in Hz, which is what
+        the forces on a machine that nothing drives are told by.
+        """
+        if cutoff is None:
+            return max(float(np.std(self.effort[0])), 1e-12)
+        return self.inertia * float(np.std(slope(self.motion(cutoff)[1], self.step)))
+
     def noises(self, cutoff: float) -> tuple[float, float]:
         """Return the noise of the inertial force and of the effort below a cut-off in Hz."""
         sources = ((self.plant.velocity, 1), (self.plant.position, 2))
@@ -236,15 +244,17 @@ def tells_force(model: Model, recorded: set[str]) -> bool:
 
 
 def best_cutoff(model: Model, data: Sequence[ModelData], share: float) -> float:
-    """Return the widest band in Hz in which noise stays below a ``share`` of the effort, in the median of records."""
+    """Return the widest band in Hz in which noise stays below a ``share`` of the effort (of the inertial force where
+    nothing drives), in the median of records.
+    """
     return float(np.median([_cutoff(_Raw(model, d), share) for d in data]))
 
 
 def _cutoff(raw: _Raw, share: float) -> float:
-    allowed = share * max(float(np.std(raw.effort[0])), 1e-12)
     lowest = MIN_CUTOFF_PERIODS / max(raw.t[-1], raw.step)
     tried = [f for f in BANDS / raw.step if f >= lowest] or [lowest]
-    return float(next((f for f in tried if max(raw.noises(f)) < allowed), tried[-1]))
+    driven = float(np.std(raw.effort[0])) > 0.0
+    return float(next((f for f in tried if max(raw.noises(f)) < share * raw.size(None if driven else f)), tried[-1]))
 
 
 def effort_gain(model: Model, current: bool) -> float:

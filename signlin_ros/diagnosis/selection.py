@@ -112,7 +112,11 @@ def _first_choice(evidence: Evidence) -> tuple[FittedModel, str]:
 
 
 def _single_law_search(evidence: Evidence, now: FittedModel) -> FittedModel | None:
-    """Fit every law of the catalogue by itself, and return the one that leaves only noise; None where none does."""
+    """Fit every law of the catalogue by itself, and return the one that leaves only noise; None where none does, or
+    where a model ``now`` leaves no more.
+    """
+    if explains_to_noise(evidence, now):
+        return None
     fit_every_law(evidence, now)
     return single_effect_leaving_noise(evidence, now)
 

@@ -22,8 +22,8 @@ from signlin_ros.model import Model
 Array = NDArray[np.float64]
 MIN_COST_FALL, MIN_RELATIVE_FALL = 0.02, 1e-3
 """A fit ends where -2 log likelihood falls by less than this, or this share of its distance from pure noise's."""
-MAX_DAMPING, ENDLESS = 1e9, 1e100
-"""Damping from which on a step is none; curvature of a model that diverges: its sensitivities have run away."""
+MIN_DAMPING, MAX_DAMPING, ENDLESS = 1e-9, 1e9, 1e100
+"""Damping that is none; from which on a step is none; curvature of a model that diverges: its sensitivities have run away."""
 
 
 @dataclass(frozen=True)
@@ -119,27 +119,50 @@ def evaluated(problem: Problem, c: Candidate, x: Array, gains: ObserverGains, wi
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def further(problem: Problem, f: Fit, steps: int) -> Fit:
-    """Go on with a fit for some steps of Levenberg and Marquardt's method."""
-    damping = 1e-3
+    """Go on with a fit for some steps of Levenberg and Marquardt's method. It ends where a step without damping would
+    gain nothing either: of what records do not tell, as the scale of all forces on a machine that nothing drives, what
+    is known beforehand holds, which damping outweighs.
+    """
+    damping, enough = 1e-3, MIN_COST_FALL
     for _ in range(steps):
-        new = bounded_step(f.theta, f.gradient, f.hessian, damping, *f.candidate.bounds)
-        shift = new - f.theta
-        gained = -2 * f.gradient @ shift - shift @ f.hessian @ shift
-        if float(gained) < MIN_COST_FALL:
+        new, gained = _step(f, damping)
+        if gained < enough and damping > MIN_DAMPING:
+            damping = MIN_DAMPING
+            new, gained = _step(f, damping)
+        if gained < enough:
             break
         trial = evaluated(problem, f.candidate, new, f.gains)
+        if damping <= MIN_DAMPING and not (trial and trial.objective < f.objective):
+            trial = evaluated(problem, f.candidate, _in_proportion(f, new), f.gains)
         if trial is None or not trial.objective < f.objective:
             damping *= 16
             if damping > MAX_DAMPING:
                 break
             continue
         gain, f = f.objective - trial.objective, trial
-        damping = max(damping / 8, 1e-9)
-        if gain < MIN_COST_FALL + MIN_RELATIVE_FALL * max(
-            f.objective - float(np.sum(f.count * np.log(problem.noise**2))), 0.0
-        ):
-            break
+        damping = max(damping / 8, MIN_DAMPING)
+        beyond_noise = max(f.objective - float(np.sum(f.count * np.log(problem.noise**2))), 0.0)
+        if gain < MIN_COST_FALL + MIN_RELATIVE_FALL * beyond_noise:
+            if damping <= MIN_DAMPING:
+                break
+            damping, enough = MIN_DAMPING, MIN_COST_FALL + MIN_RELATIVE_FALL * beyond_noise
     return f
+
+
+def _in_proportion(f: Fit, new: Array) -> Array:
+    """Return a step to ``new`` (n,) along which coefficients change in proportion, as inertias do, whose coordinates
+    are logarithms: all forces scale together on a straight line.
+    """
+    change = (new - f.theta) / np.where(f.theta == 0.0, np.inf, f.theta)
+    straight = [k.log or abs(share) > 1.0 for k, share in zip(f.candidate.coordinates, change.tolist(), strict=True)]
+    return np.asarray(np.clip(np.where(straight, new, f.theta * np.exp(change)), *f.candidate.bounds))
+
+
+def _step(f: Fit, damping: float) -> tuple[Array, float]:
+    """Return the coordinates after a damped step from a fit, and by how much that should lower the objective."""
+    new = bounded_step(f.theta, f.gradient, f.hessian, damping, *f.candidate.bounds)
+    shift = new - f.theta
+    return new, float(-2 * f.gradient @ shift - shift @ f.hessian @ shift)
 
 
 __all__ = ["Fit", "evaluated", "fit", "further", "with_positive_amplitudes"]

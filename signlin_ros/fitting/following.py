@@ -31,6 +31,8 @@ MAX_REST_SPEED, MAX_START_SAMPLES, START_TIME_CONSTANTS = 0.02, 400, 3.0
 """Share of the RMS velocity of a record at rest; samples, and time constants, to which what is unknown is fitted."""
 MAX_START_DEVIATIONS, WAVES = 3.0, (-1.0, -2 / 3, -1 / 3, 1 / 3, 2 / 3, 1.0)
 """How far a start may be from what a sensor shows, in its standard deviations; parts of that where it is sought."""
+MAX_START_CHANGE = 5.0
+"""By how many standard deviations of its noise a channel changes that shows motion."""
 SECANTS, MAX_START_SWEEPS, MIN_START_GAIN, NEARBY = 8, 4, 1e-3, 0.1
 """Most secants of one unknown, and of all; share of the squares that is no gain; part of the reach for slopes."""
 DIVERGED_ERROR = 1e100
@@ -64,7 +66,8 @@ def follow_records(
         E, D = np.zeros((s.t.size, ny)), np.empty((s.t.size if with_s else 0, ny, flags[-1]))
         X = np.zeros((0, 0)) if with_s else np.zeros((s.t.size, len(states)))
         late = lags.copy()
-        late[:, 3:] = (s.inner or (s.whole and _moving(problem, s))) and not imposed  # nobody saw what was before
+        late[:, 3] = s.inner or (s.whole and (_moving(problem, s) or _moved_unseen(problem, s, lags)))
+        late[:, 3] *= not imposed  # else nobody saw what was before
         u, acts = acting(problem.base, s.t, s.u, delay - s.early)
         own_p = c.under(p, c.conditions(theta, s))
         rest = (own_p, scale, acts, ringing, late, belief, variances)
@@ -274,6 +277,18 @@ def _descended(errors: Callable[[Array], Array], start: Start, e: Array, most: i
             break
         changes = None
     return Start(x, near, changes), e
+
+
+def _moved_unseen(problem: Problem, s: PreparedSegment, lags: Array) -> bool:
+    """Tell whether a late channel shows that a record which seems to start at rest does not: it changes while it still
+    shows what was before.
+    """
+    for y, noise, (lag, *_) in zip(s.y.T, problem.noise.tolist(), lags.tolist(), strict=False):
+        count = min(ceil(lag / problem.scale.step), s.t.size - 1)
+        usual = MAX_REST_SPEED * np.sqrt(np.nanmean((y[count:] - y[:-count]) ** 2)) if count > 0 else np.inf
+        if np.any(np.abs(y[1 : count + 1] - y[0]) > usual + MAX_START_CHANGE * noise):
+            return True
+    return False
 
 
 def _moving(problem: Problem, s: PreparedSegment) -> bool:

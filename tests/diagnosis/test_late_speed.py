@@ -35,9 +35,12 @@ def late(seed: int) -> ModelData:
 @pytest.mark.slow
 def test_friction_is_found_beside_a_late_speed():
     """MISSING Bouc-Wen hysteresis and sensor delay: Coulomb friction was not tried beside a late sensor, since forces
-    that were read from the speed as it was recorded did not show it.
+    that were read from the speed as it was recorded did not show it. UNEXPLAINED: the record begins in motion while
+    its speed still shows rest, and was followed from rest; what that left of the first second was no noise.
     """
     found = diagnose(MOTOR, late(301), validation=late(302))
+    assert found.verdict == "missing"
+    assert {e.effect for e in found.missing} == {"coulomb_friction", "sensor_delay"}
     friction = found.model.effects["coulomb_friction"].parameters["mu"]
     assert friction == pytest.approx(MU, rel=0.03)
     assert found.model.sensors["speed"].delay == pytest.approx(LATE * STEP, rel=0.03)
