@@ -29,7 +29,10 @@ def _power(x: float, digits: int = 6) -> int:
 
 def _to_place(x: float, last: int, power: int) -> str:
     """Return a number rounded to a power of ten, ``last``, written as a multiple of another one."""
-    text = f"{round(x, -last) / 10.0**power + 0.0:.{max(power - last, 0)}f}"
+    rounded = round(x, -last) / 10.0**power + 0.0
+    if power and rounded == 0.0:
+        return "0"
+    text = f"{rounded:.{max(power - last, 0)}f}"
     return f"{text}e{power:+03d}" if power else text
 
 

@@ -26,8 +26,8 @@ class TimeUnit(Check):
     Test: a step is more than `LOST_STEP` of the model's slowest time constants, and less than `SAMPLED_STEP` of them
     in another unit, the largest of which the linear base leaves at most 0.4 of what it leaves otherwise, and 0.35 of
     what the channels do, and at most 0.4 of what it leaves without its inputs: after a short step little is left of any
-    channel. A slow log, sampled once in a time constant, does not come to the second part. What the reader asks is asked here too, whatever the model says. Cure: the conversion
-    (``t_in_ms``).
+    channel. A slow log, sampled once in a time constant, does not come to the second part. What the reader asks is
+    asked here too, whatever the model says. Cure: the conversion (``t_in_ms``).
     """
 
     name = "time_unit"

@@ -23,7 +23,8 @@ Array = NDArray[np.float64]
 MIN_COST_FALL, MIN_RELATIVE_FALL = 0.02, 1e-3
 """A fit ends where -2 log likelihood falls by less than this, or this share of its distance from pure noise's."""
 MIN_DAMPING, MAX_DAMPING, ENDLESS = 1e-9, 1e9, 1e100
-"""Damping that is none; from which on a step is none; curvature of a model that diverges: its sensitivities have run away."""
+"""Damping that is none, and from which on a step is none; curvature of a model that diverges: its sensitivities have
+run away."""
 
 
 @dataclass(frozen=True)

@@ -36,6 +36,10 @@ _SAFE += "|(?:k?rad|mrad|deg|rev|turns?|m|mm|cm|um|in|ft|km)_(?:per_)?(?:s2?|sec
 _SAFE += "|(?:tr|tours?|rot|giri|obr|umdr|(?-i:U))_(?:per_)?(?:s|min)"
 _SAFE += "|upm|grad|newtons?|meters?|metres?|degrees|radians|milliamps|millivolts|celsius|percent|kg|g"
 _SUFFIX = re.compile(rf"(?P<name>.*?[^_])_(?:in_)?(?P<unit>{_SAFE}|[vanmsVANms])\Z", re.IGNORECASE)
+_WHOLE = re.compile(
+    r"(?i:k?rpm|rev/min|rps|dps|deg(?:rees?)?(?:/s)?|rad/s|radps|mrad|turns/s|[mc]m/s|km/h|kmh)|[mc]m|m[AV]|kN|kgf|lbf"
+)
+"""Names of columns that are a unit and nothing else, as ``rpm``; no single letters, nor words as ``in``, ``min``."""
 
 TIME_KEYS = frozenset(TIME_NAMES)
 """Keys that `signals` may map to a file's time column; they are no signals of a model."""
@@ -121,7 +125,8 @@ def heading(text: str, number: int = 0) -> Heading:
     Square brackets hold a unit where white space precedes them or the unit is known: ``q [0/1]`` and
     ``q[rad]`` have one,
     ``data[0]`` and ``velocity[wheel]`` have none. Round brackets hold a unit only where it is known:
-    ``voltage (V)``; so does what stands behind a comma or a ``/``, and the end of the name: ``speed_rpm``.
+    ``voltage (V)``; so does what stands behind a comma or a ``/``, and the end of the name, or all of it:
+    ``speed_rpm``, ``rpm``.
     """
     return replace(_taken_apart(tidy(text)), number=number)
 
@@ -146,7 +151,7 @@ def _taken_apart(label: str) -> Heading:
     suffix = None if topic else _SUFFIX.match(name)
     if suffix is not None and not _TIME.match(name):
         return Heading(label, suffix["name"], suffix["unit"], suffix=True)
-    return Heading(label, name)
+    return Heading(label, name, name if _WHOLE.fullmatch(name) else "")
 
 
 def _known(unit: str) -> bool:

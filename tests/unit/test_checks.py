@@ -1010,6 +1010,37 @@ def test_a_log_sampled_once_in_a_time_constant_is_in_seconds() -> None:
     assert "time_unit" not in found(model, data)[1]
 
 
+def test_a_slow_log_of_a_valve_on_its_spring_is_in_seconds() -> None:
+    """At 20 Hz it was refused as a time in ms: after 50 us a position is where it was, whatever the model says."""
+    t, rng = 0.05 * np.arange(2000), np.random.default_rng(2)
+    model = Model.from_dict(
+        {"plant": "mass_spring_damper", "parameters": {"m": 1.4, "c": 900.0, "k": 1e5}, "tolerance": {"c": 1.0}}
+    )
+    u = 1500.0 + 700.0 * np.sin(2 * np.pi * 0.02 * t) + 300.0 * np.sin(2 * np.pi * 0.057 * t)
+    q = simulate(model.with_effect("coulomb_friction", mu=200.0), t, u).x[:, 0] + 2e-5 * rng.standard_normal(t.size)
+    findings = found(
+        model, ModelData(t, u[:, None], {"displacement": q}, None, model.inputs, model.states, model.units)
+    )
+    assert "time_unit" not in findings[1]
+    assert findings[1]["slow_sampling"].severity == "note"
+    assert "only forces at rest are known" in findings[1]["slow_sampling"].sentence
+
+
+def test_a_pendulum_that_is_let_go_is_driven_by_nothing() -> None:
+    """Noise of its velocity at the turns made small peaks between the large ones: "the driver does not report it"."""
+    t, rng = 0.005 * np.arange(4000), np.random.default_rng(3)
+    model = Model.from_dict(
+        {"plant": "mass_spring_damper", "axis": "rotary", "parameters": {"m": 0.012, "c": 4e-4, "k": 0.0}}
+    )
+    hung = model.with_effect("gravity_load", A=0.35).with_effect("coulomb_friction", mu=0.004)
+    x = simulate(hung, t, np.zeros(t.size), [2.0, 0.0]).x + rng.standard_normal((t.size, 2)) * (3e-4, 0.02)
+    measured = {"displacement": x[:, 0], "velocity": x[:, 1]}
+    data = ModelData(t, np.zeros((t.size, 1)), measured, None, model.inputs, model.states, model.units)
+    finding = found(model, data)[1]["nothing_measured"]
+    assert finding.severity == "note"
+    assert "nothing drives the machine" in finding.sentence
+
+
 def test_a_channel_that_is_seldom_measured_is_noted() -> None:
     model, data = changed("position", lambda q: np.where(np.arange(q.size) % 50 == 0, q, np.nan))
     assert found(model, data)[1]["sparse_channel"].channel == "position"

@@ -107,6 +107,10 @@ def test_a_thousandth_is_rounded_once(n: int) -> None:
         ("motor speed [rpm]", "motor speed", "rpm"),
         ("a []", "a", ""),
         ("lugre_friction.z", "lugre_friction.z", ""),
+        ("rpm", "rpm", "rpm"),
+        ("mA", "mA", "mA"),
+        ("A", "A", ""),
+        ("in", "in", ""),
     ],
 )
 def test_heading(text: str, name: str, unit: str) -> None:
