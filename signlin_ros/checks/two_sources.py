@@ -12,6 +12,7 @@ from signlin_ros.checks.finding import Finding
 from signlin_ros.checks.look import MIN_SAMPLES, Look
 from signlin_ros.errors import joined
 from signlin_ros.noise import noise_level
+from signlin_ros.records.inputs import filled_in
 
 Array = NDArray[np.float64]
 
@@ -84,14 +85,18 @@ class TwoSources(Check):
 
     def _held(self, look: Look, name: str, zeros: NDArray[np.bool_]) -> Finding:
         sentence = f"the {name} jumps to 0 and back in {int(zeros.sum())} of {zeros.size} samples: a second source"
+        between = filled_in(look.of(name), zeros)[1]
+        how = (
+            "they lie on the line between the values beside them" if between else "the value before them is held there"
+        )
         return Finding(
             self.name,
             name,
             "refuse",
             sentence,
             cure=f"hold_{name}",
-            remedy="the value before them is held there, if that is what reached the drive",
-            action=changed(name, lambda values: _without(values, zeros)),
+            remedy=f"{how}, if that is what reached the drive",
+            action=changed(name, lambda values: filled_in(values, zeros)[0]),
         )
 
 
@@ -150,9 +155,3 @@ def _turns(values: Array) -> int:
     if first == 0.0:
         return 0
     return next((m for m in SOURCE_COUNTS if np.mean((values[m:] - values[:-m]) ** 2) < SMOOTHER * first), 0)
-
-
-def _without(values: Array, drop: NDArray[np.bool_]) -> Array:
-    """Return values (T,) with those to drop replaced by the value before them."""
-    last = np.maximum.accumulate(np.where(drop, 0, np.arange(values.size)))
-    return np.asarray(values[last])

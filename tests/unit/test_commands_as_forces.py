@@ -101,4 +101,5 @@ def test_zeros_of_an_input_in_bursts_are_a_second_source() -> None:
     (found,) = [f for f in check(DRIVE, [data])[1] if f.check == "two_sources"]
     assert (found.cure, found.open) == ("hold_force", True)
     (cured,), _ = check(DRIVE, [data], ["hold_force"])
-    assert np.sqrt(np.mean((cured.u[:, 0] - u) ** 2)) < 0.3 * np.sqrt(np.mean((told - u) ** 2))
+    assert "on the line between the values beside them" in found.remedy
+    assert np.abs(cured.u[:, 0] - u).max() < 0.01 * np.abs(u).max()  # held: 0.07
