@@ -29,6 +29,8 @@ MODEL_ERROR_FLOOR = 0.01
 MAX_REFIT_STEPS, ENDS = 8, 0.01
 """Most steps of a refit, and the part of its cost by which one must lower it: beyond that of noise, or of the best
 refit so far."""
+MIN_MOTION_OVER_NOISE = 4.0
+"""Times its noise that a channel of the motion must move by (RMS) with every rival."""
 MARGIN_STARTS = 2
 """Sigma points from which the wrong rival of a noisy record is refitted, beside its estimate."""
 KEPT_SAMPLES = 2_000_000
@@ -89,6 +91,13 @@ class RivalBench:
         early = self.problem.base.early * self.problem.scale.step
         start = {n: self.x0.get(n, 0.0) for n in self.problem.base.states}
         return PreparedSegment(run.t, np.ascontiguousarray(run.u), y, start, "command", True, early)
+
+    def moves(self, s: PreparedSegment) -> bool:
+        """Tell whether a motion shows beyond the noise: of a record in which nothing moves nothing is concluded."""
+        plant = self.problem.plant
+        spread = s.y.std(axis=0) / self.problem.noise
+        moving = [k for k, c in enumerate(self.problem.channels) if c in (plant.position, plant.velocity)]
+        return not moving or bool(np.any(spread[moving] > MIN_MOTION_OVER_NOISE))
 
     def _followed(self, c: Contender, theta: Array, s: PreparedSegment) -> tuple[Array, Array] | None:
         """Return errors (N,) and their slopes (N, n) in units of what a model leaves; None where it diverges."""

@@ -25,8 +25,6 @@ SURE = 1.3
 """Standard errors of the noise, which a margin d has 2 sqrt(d) of, by which it is still enough: nine times in ten."""
 RESERVE = (SURE + (SURE**2 + ENOUGH) ** 0.5) ** 2 / ENOUGH
 """Times `ENOUGH` that is asked for at the estimates and at sigma points: noise takes some of it away."""
-MIN_MOTION_OVER_NOISE = 4.0
-"""Times its noise that a channel of the motion must move by (RMS) with every rival."""
 SIGMA_POINTS = 2
 """Sigma points of each rival that are looked at."""
 FURTHER = 2
@@ -80,7 +78,9 @@ class CommandTrial:
 
 @dataclass(eq=False)
 class CommandSearch:
-    """A search within limits at times t (T,); ``pairs``: those that are asked for; ``tried``: all that was tried."""
+    """A search within limits at times t (T,); ``pairs``: those that are asked for; ``tried``: all that was tried;
+    ``refused``: how often some limit was not kept, by its name, and ``still``: how often a rival did not move.
+    """
 
     bench: RivalBench
     limits: Limits
@@ -91,6 +91,7 @@ class CommandSearch:
     pairs: list[Pair] = field(default_factory=list)
     tried: list[CommandTrial] = field(default_factory=list)
     refused: dict[str, int] = field(default_factory=dict)
+    still: dict[int, int] = field(default_factory=dict)
     kept: dict[tuple[Pair, bytes, bytes], float] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
@@ -124,7 +125,10 @@ class CommandSearch:
             self.refused[why] = self.refused.get(why, 0) + 1
             return None
         segments = {i: self.bench.segment(i, run) for i, run in enumerate(runs)}
-        if not all(self._moves(s) for s in segments.values()):
+        still = [i for i, s in segments.items() if not self.bench.moves(s)]
+        for i in still:
+            self.still[i] = self.still.get(i, 0) + 1
+        if still:
             return None
         linear = np.full(len(self.pairs), np.inf)
         for k in self._hardest():
@@ -142,13 +146,6 @@ class CommandSearch:
         if not self.tried:
             return list(range(len(self.pairs)))
         return [int(k) for k in np.argsort(self.tried[-1].linear, kind="stable")]
-
-    def _moves(self, s: PreparedSegment) -> bool:
-        """Tell whether a motion shows beyond the noise: of a record in which nothing moves nothing is concluded."""
-        problem, plant = self.bench.problem, self.bench.problem.plant
-        moving = [k for k, c in enumerate(problem.channels) if c in (plant.position, plant.velocity)]
-        spread = s.y.std(axis=0) / problem.noise
-        return not moving or bool(np.any(spread[moving] > MIN_MOTION_OVER_NOISE))
 
     def refitted(self, one: CommandTrial, least: float = 0.0) -> CommandTrial:
         """Return a command with real distances; those that are left once one is less than ``least`` stay linear."""

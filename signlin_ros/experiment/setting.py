@@ -13,8 +13,11 @@ from signlin_ros.errors import InputError, choices, suggest
 from signlin_ros.experiment.common_scale import NO_EFFECT, unscaled
 from signlin_ros.experiment.contenders import Contender, contender, information_of
 from signlin_ros.experiment.distance import RivalBench
+from signlin_ros.experiment.limits import Limits
 from signlin_ros.experiment.minima import EXCLUDED, OPEN, REFIT_STEPS, led, with_ends, with_minima
-from signlin_ros.fitting.fit import evaluated, fit
+from signlin_ros.experiment.parts import Part, rendered
+from signlin_ros.fitting.candidate import Candidate
+from signlin_ros.fitting.fit import Fit, evaluated, fit
 from signlin_ros.fitting.following import follow_records
 from signlin_ros.fitting.gains import ObserverGains
 from signlin_ros.fitting.prepare import prepared
@@ -34,6 +37,8 @@ SETTLES, REST_SPEED_SHARE = 0.3, 0.02
 """s after which a machine at rest must still be there, within that part of its speed in the first records."""
 MAX_BISECTIONS = 30
 """Most bisections for the input that holds a machine."""
+STEP_LASTS = 2.0
+"""s of the step to and fro by which a rival is asked whether it moves at all."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,16 +133,54 @@ def _sized(problem: Problem, c: Contender) -> Contender:
     """
     if c.size is None:
         return c
-    bounds = zip(c.candidate.coordinates, *(side.tolist() for side in c.bounds), strict=True)
-    own = replace(c.candidate, coordinates=tuple(replace(k, low=a, high=b) for k, a, b in bounds), starts={})
-    i, start = c.index(c.size.name), np.clip(c.theta, *c.bounds)
-    at = own.coordinates[i].high if c.size.stiff else own.coordinates[i].low
-    held = replace(own.coordinates[i], low=at, high=at)
-    least = replace(own, coordinates=(*own.coordinates[:i], held, *own.coordinates[i + 1 :]))
-    found, small = (fit(problem, k, gains_of(problem), np.clip(start, *k.bounds), REFIT_STEPS) for k in (own, least))
+    own, start = _of_interest(c), np.clip(c.theta, *c.bounds)
+    found, small = fit(problem, own, gains_of(problem), start, REFIT_STEPS), _smallest(problem, c)
     if small is not None and (found is None or small.objective < found.objective + OPEN):
         found = small
     return c if found is None else replace(c, theta=found.theta)
+
+
+def _of_interest(c: Contender) -> Candidate:
+    """Return what a fit of a rival moves, within the bounds of its size of interest."""
+    bounds = zip(c.candidate.coordinates, *(side.tolist() for side in c.bounds), strict=True)
+    return replace(c.candidate, coordinates=tuple(replace(k, low=a, high=b) for k, a, b in bounds), starts={})
+
+
+def _smallest(problem: Problem, c: Contender) -> Fit | None:
+    """Return the fit of a rival held at its smallest size of interest; None where it has none, or diverges."""
+    if c.size is None:
+        return None
+    own, i = _of_interest(c), c.index(c.size.name)
+    at = own.coordinates[i].high if c.size.stiff else own.coordinates[i].low
+    held = replace(own.coordinates[i], low=at, high=at)
+    least = replace(own, coordinates=(*own.coordinates[:i], held, *own.coordinates[i + 1 :]))
+    return fit(problem, least, gains_of(problem), np.clip(c.theta, *least.bounds), REFIT_STEPS)
+
+
+def movable(bench: RivalBench, limits: Limits) -> tuple[RivalBench, frozenset[int]]:
+    """Return the rivals, at their smallest size of interest those that the largest input would not move as estimated,
+    and the places of those that it does not move then either: the machine moves, so it is none of these. First records
+    of a machine that turns all the time leave open how much friction holds it at rest.
+    """
+    problem, held = bench.problem, [i for i in range(len(bench.contenders)) if not _moves(bench, i, limits)]
+    if not held:
+        return bench, frozenset()
+    contenders = list(bench.contenders)
+    for i in held:
+        small = _smallest(problem, contenders[i])
+        if small is not None:
+            c = replace(contenders[i], theta=small.theta, information=small.hessian, minima=(), behind=())
+            contenders[i] = with_ends(problem, c, gains_of(problem))
+    bench = replace(bench, contenders=tuple(contenders), behind=so_far(problem, contenders))
+    return bench, frozenset(i for i in held if not _moves(bench, i, limits))
+
+
+def _moves(bench: RivalBench, i: int, limits: Limits) -> bool:
+    """Tell whether a rival moves beyond the noise under a step to and fro of the largest input."""
+    t = np.arange(0.0, STEP_LASTS, bench.problem.scale.step)
+    steps = (Part("steps", limits.input - abs(bench.bias), 1.0 / STEP_LASTS),)
+    run = bench.run(i, t, bench.bias + rendered(steps, t, limits.slew))
+    return run is None or bench.moves(bench.segment(i, run))
 
 
 def open_ones(bench: RivalBench, rivals: Sequence[KnownLimits]) -> list[KnownLimits]:
@@ -203,6 +246,7 @@ __all__ = [
     "gains_of",
     "known_rivals",
     "likely_ones",
+    "movable",
     "named",
     "open_ones",
     "so_far",

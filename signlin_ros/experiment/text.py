@@ -108,8 +108,13 @@ def _unit(model: Any, name: str) -> str:
     return str(resolve_unit(declared(model)[name].unit, model.plant, False))
 
 
-def notes(search: CommandSearch, rest: Sequence[KnownLimits], told: Sequence[PlanText]) -> tuple[str, ...]:
-    """Return notes beside the answer."""
+def notes(
+    search: CommandSearch,
+    rest: Sequence[KnownLimits],
+    told: Sequence[PlanText],
+    held: Sequence[KnownLimits] = (),
+) -> tuple[str, ...]:
+    """Return notes beside the answer; ``held``: rivals that no command moves."""
     found, bench, limits = [], search.bench, search.limits
     if limits.assumed:
         found.append(f"no limit was given for {joined(limits.assumed)}: what the first records visited is taken")
@@ -119,8 +124,9 @@ def notes(search: CommandSearch, rest: Sequence[KnownLimits], told: Sequence[Pla
         unit = {**bench.problem.base.units, **bench.problem.units}.get(bench.problem.base.inputs[0], "")
         found.append(f"the machine is held by {bench.bias:g} {unit} where it starts and ends; parts are about that")
     if rest:
-        names = joined([" with ".join(n.replace("_", " ") for n in r.effects) or "nothing more" for r in rest])
-        found.append(f"not planned for, though the records do not exclude it: {names}; --between names which")
+        found.append(f"not planned for, though the records do not exclude it: {_names(rest)}; --between names which")
+    if held:
+        found.append(f"not planned for, since no command within the limits would move it as estimated: {_names(held)}")
     unlikely = [c.name for i, c in enumerate(bench.contenders) if bench.likely and i not in bench.likely]
     if unlikely:
         found.append(f"by the first records {joined(unlikely)} are unlikely: the plan is that they lose to the others")
@@ -133,6 +139,10 @@ def notes(search: CommandSearch, rest: Sequence[KnownLimits], told: Sequence[Pla
             value = with_error(c.size.least, 0.2 * c.size.least)[0]
             found.append(f"{c.name} is taken to be of interest with {name} {bound} {value} {unit}")
     return tuple(found)
+
+
+def _names(rivals: Sequence[KnownLimits]) -> str:
+    return joined([" with ".join(n.replace("_", " ") for n in r.effects) or "nothing more" for r in rivals])
 
 
 def _scale_notes(search: CommandSearch, told: Sequence[PlanText]) -> list[str]:

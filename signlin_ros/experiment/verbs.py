@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.progress import CancelledError
 from signlin_ros.diagnosis.results import Diagnosis
-from signlin_ros.errors import InputError
+from signlin_ros.errors import InputError, joined
 from signlin_ros.experiment import text
 from signlin_ros.experiment.chain import MOST_SAMPLES, WORTH_LONGER, EndedSearch, chained, within_limits
 from signlin_ros.experiment.common_scale import is_scaled, with_larger_forces
@@ -36,6 +36,7 @@ from signlin_ros.experiment.setting import (
     chosen,
     known_rivals,
     likely_ones,
+    movable,
     named,
     open_ones,
 )
@@ -120,7 +121,7 @@ def designed(
         if cancelled():
             raise CancelledError("stopped")
 
-    rest, every = list[KnownLimits](), list(rivals)
+    rest, held, every = list[KnownLimits](), list[KnownLimits](), list(rivals)
     if wishes.between:
         rivals = every = named(rivals, wishes.between)
     bench = bench_of(given, records, every, check) if every else None
@@ -129,7 +130,10 @@ def designed(
         bench = replace(bench, contenders=with_larger_forces(bench.contenders, larger))
     if bench is not None and not wishes.between:
         limits = limits_of(bench.problem, wishes.limits)
-        rivals, rest = chosen([r for r in open_ones(bench, every) if _rests(bench, every.index(r), limits)])
+        bench, still = movable(bench, limits)
+        held = [every[i] for i in sorted(still)]
+        free = [r for r in open_ones(bench, every) if r not in held and _rests(bench, every.index(r), limits)]
+        rivals, rest = chosen(free)
         kept = [every.index(r) for r in rivals]
         contenders = tuple(bench.contenders[k] for k in kept)
         bench = replace(bench, contenders=contenders, behind=bench.behind[kept])
@@ -155,7 +159,7 @@ def designed(
     if wishes.duration is None and _short(found):
         tell("a longer record", 0.5)
         found = _longer(found, bench, wishes)
-    return _plan(found, rest, after)
+    return _plan(found, rest, held, after)
 
 
 def _short(found: EndedSearch) -> bool:
@@ -202,9 +206,7 @@ def ended(search: CommandSearch) -> EndedSearch:
     tell = search.tell
     every, reach = list(search.pairs), search.reached()
     if not search.tried:
-        why = max(search.refused, key=lambda n: search.refused[n], default="")
-        what = "no command under which every rival moves stays within the limit of"
-        raise InputError(f"--limit: {what} {why} with {search.spare:g} to spare")
+        raise InputError(_why_none(search))
     own = dict(zip(every, reach.tolist(), strict=True))
     least = {pair: min(r, own.get(pair[::-1], r)) for pair, r in own.items()}
     asked = [p for p in every if least[p] >= MIN_LINEAR_RATIO * NEEDED_EVIDENCE]
@@ -227,6 +229,16 @@ def ended(search: CommandSearch) -> EndedSearch:
     return EndedSearch(search, search, best, told, tuple(every), least, tuple(whole))
 
 
+def _why_none(search: CommandSearch) -> str:
+    """Return why no command could be tried: no rival moved, or a limit was not kept."""
+    still = joined([search.bench.contenders[i].name for i in sorted(search.still)])
+    if not search.refused:
+        return f"--limit: no command within the limits moves {still} beyond the noise; --between names other rivals"
+    why = max(search.refused, key=lambda n: search.refused[n])
+    what = f"no command under which every rival moves stays within the limit of {why}, with {search.spare:g} to spare"
+    return f"--limit: {what}" + (f": the smaller ones do not move {still}" if still else "")
+
+
 def _cures(found: EndedSearch, one: PlanText) -> list[Remedy]:
     """Return the remedies for two rivals that are alike."""
     found.search.tell(f"what would tell {one.rivals[0]} from {one.rivals[1]}", 0.95)
@@ -234,7 +246,7 @@ def _cures(found: EndedSearch, one: PlanText) -> list[Remedy]:
     return remedies(found.for_pairs(), (min(i, j), max(i, j)))
 
 
-def _plan(found: EndedSearch, rest: Sequence[KnownLimits], after: str) -> ExperimentPlan:
+def _plan(found: EndedSearch, rest: Sequence[KnownLimits], held: Sequence[KnownLimits], after: str) -> ExperimentPlan:
     search, best, told = found.search, found.best, found.told
     cures = [r for one in told if one.alike for r in _cures(found, one)]
     bench, base = search.bench, search.bench.problem.base
@@ -264,7 +276,7 @@ def _plan(found: EndedSearch, rest: Sequence[KnownLimits], after: str) -> Experi
         units=units,
         smallest=text.smallest(bench, told),
         remedies=tuple(cures),
-        notes=text.notes(search, rest, told),
+        notes=text.notes(search, rest, told, held),
         after=after,
         preview=preview(search, best, told),
         tried=len(search.tried),

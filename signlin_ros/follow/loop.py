@@ -270,15 +270,15 @@ def _follow(code, sizes, t, u, y, gains, scale, acts, ringing, lags, belief, noi
                 else FEW_SUBSTEPS + (reach - FEW_SUBSTEPS) * MAX_STABLE_STEP / STIFF_STEP
             )
             substeps = int(min(MAX_SUBSTEPS, max(least, wanted)))
-            if wanted > FEW_SUBSTEPS and not aware:
+            if wanted > (MAX_SUBSTEPS if aware else FEW_SUBSTEPS):
                 rest = (
                     span
                     * split_rates(code, sizes, z, out, x, span, mode, s, work, ratio, fastest, MAX_DECAY_STEP, W)
                     / MAX_STABLE_STEP
                 )
-                decays = rest < substeps - 1
+                decays = rest < max(least, wanted) - 1
                 if decays and not _any(W[5], sizes[9]):
-                    substeps = int(max(MIN_EXACT_SUBSTEPS, least, np.ceil(rest)))
+                    substeps = int(min(MAX_SUBSTEPS, max(MIN_EXACT_SUBSTEPS, least, np.ceil(rest))))
             if not decays:
                 for i in range(n):
                     W[5, i] = 0.0

@@ -34,7 +34,7 @@ def motor(effect: str) -> Model:
     return model if effect == "none" else model.with_effect(effect, **CASES[effect])
 
 
-def run(model, free=(), change=None, y=None, gains=None, lags=None):
+def run(model, free=(), change=None, y=None, gains=None, lags=None, belief=None, scale=None):
     eq = equations(model.structure, CHANNELS, tuple(free))
     p = np.concatenate([model.p, neutral_sensors(3)])
     for name, shift in (change or {}).items():
@@ -45,9 +45,10 @@ def run(model, free=(), change=None, y=None, gains=None, lags=None):
     gains = np.zeros((1, n, 3)) if gains is None else gains
     E, D, X = np.zeros((T, 3)), np.zeros((T if free else 0, 3, padded(count))), np.zeros((T, n))
     lags, ringing = NONE_LATE if lags is None else lags, eq.ringing(p, SCALE[:n])
-    arguments = (eq.flags(bool(free)), TIMES, INPUT, y, gains, np.zeros(n), p, SCALE[:n], TIMES + delay, ringing, lags)
-    plain = (np.zeros((3, 0)), np.ones(3))
-    assert follow(eq.calls(bool(free)), *arguments, *plain, E, D, X) == T
+    scale, aware = SCALE[:n] if scale is None else scale, belief is not None
+    arguments = (eq.flags(bool(free)), TIMES, INPUT, y, gains, np.zeros(n), p, scale, TIMES + delay, ringing, lags)
+    filtered = (belief if aware else np.zeros((3, 0)), np.ones(3))
+    assert follow(eq.calls(bool(free), aware), *arguments, *filtered, E, D, X) == T
     return E, D[:, :, :count], X
 
 
@@ -80,6 +81,30 @@ def test_a_stiff_bristle_is_followed_in_fewer_substeps_than_its_rate_asks_for(br
     _, _, found = run(model)
     error = np.sqrt(np.mean((found - exact) ** 2, axis=0)) / np.std(exact, axis=0)
     assert error[:3].max() < 2e-4
+
+
+@pytest.mark.parametrize("bristle", [6.8, 8.8, 13.6])
+def test_a_stiff_and_damped_bristle_is_followed_whatever_the_scale_of_its_state(bristle):
+    """In steps that its rate makes unstable the state grew 50 times in a sample: a point of a LuGre friction beside its
+    estimate left 2200 more than that, since a bound on the rate of all else is large where a state's scale is.
+    """
+    law = {"F_c": 0.0316, "F_s": 0.038, "sigma0": bristle, "sigma1": 0.0045 * bristle, "sigma2": 0.0, "v_s": 3.0}
+    model = motor("none").with_effect("lugre_friction", **law)
+    exact = simulate(model, TIMES, INPUT, rtol=1e-8).x
+    _, _, found = run(model, scale=np.array([5.0, 20.0, 30.0, 60.0]))
+    error = np.sqrt(np.mean((found - exact) ** 2, axis=0)) / np.std(exact, axis=0)
+    assert error[:3].max() < 2e-4
+
+
+@pytest.mark.parametrize("bristle", [2.0, 13.6, 50.0])
+def test_a_kalman_filter_follows_a_stiff_bristle(bristle):
+    """From 8 N·m/rad on no step was short enough: Dahl's friction beside cogging diverged."""
+    model = motor("cogging_torque").with_effect("dahl_presliding", F_c=0.03, sigma=bristle)
+    exact = simulate(model, TIMES, INPUT, rtol=1e-8).x
+    n = exact.shape[1]
+    belief = np.stack([np.full(n, 1e-6), np.full(n, 1e-6), np.ones(n)])
+    E, _, _ = run(model, y=exact[:, :3].copy(), gains=np.full((1, n, 3), 0.1), belief=belief)
+    assert (np.sqrt(np.mean(E**2, axis=0)) / np.std(exact[:, :3], axis=0)).max() < 1e-3
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.033])

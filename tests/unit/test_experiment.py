@@ -559,6 +559,22 @@ def test_a_reference_is_written_as_a_trajectory_message():
 # -------------------------------------------------------------------- points beside an estimate
 
 
+def test_a_rival_that_nothing_moves_is_planned_for_at_its_size_of_interest_or_left_out(problem):
+    """A machine that turned all the time may have been fitted with any friction at rest: 957 N·m of a motor, and then
+    no command under which every rival moves was within the limits.
+    """
+    stuck = {"stribeck_friction": {"mu": 0.03, "excess": 900.0, "v_s": 7.5}, "coulomb_friction": {"mu": 900.0}}
+    every = [contender(problem, given().with_effect(n, **values), (n,), None) for n, values in stuck.items()]
+    x0 = dict(zip(problem.base.states, problem.base.x0.tolist(), strict=True))
+    bench = RivalBench(problem, tuple(every), setting.gains_of(problem), problem.noise, x0)
+    found, held = setting.movable(bench, limits_of(problem, {"voltage": 6.0, "speed": 60.0}))
+    assert held == {1}
+    c = found.contenders[0]
+    assert c.candidate.named(c.theta)["stribeck_friction.excess"] == pytest.approx(c.size.least)
+    assert found.behind[0] < found.behind[1]
+    assert setting.movable(replace(bench, contenders=found.contenders[:1]), limits_of(problem, {}))[1] == frozenset()
+
+
 @pytest.mark.parametrize("theta", [[0.0, 0.0], [-1.0, 0.0], [-0.9, 0.3], [1.0, 1.0]])
 def test_points_beside_an_estimate_are_within_bounds_and_a_standard_error_away_at_most(theta):
     low, high = -np.ones(2), np.ones(2)
