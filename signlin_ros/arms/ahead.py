@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 
 from signlin_ros.arms.consistent import consistent
 from signlin_ros.arms.fit import CoefficientEstimate, fit
+from signlin_ros.arms.heldout import MIN_VALIDATION_ERRORS
 from signlin_ros.arms.laws import across_gravity, force, unit_of
 from signlin_ros.arms.piece import BLOCK, EDGE, ArmSegment
-from signlin_ros.arms.search import MIN_VALIDATION_ERRORS, State
+from signlin_ros.arms.search import State
 from signlin_ros.filters import low_pass
 from signlin_ros.mathops import NumpyMath
 from signlin_ros.robots import Robot, inverse_dynamics

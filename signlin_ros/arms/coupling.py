@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.arms.fit import CoefficientEstimate, FitDesign, fit
+from signlin_ros.arms.heldout import MIN_VALIDATION_ERRORS
 from signlin_ros.arms.laws import BASIC, Loads, column, motor_inertia
-from signlin_ros.arms.search import MIN_VALIDATION_ERRORS, MIN_VALIDATION_SHARE, State, needed_errors
+from signlin_ros.arms.search import MIN_VALIDATION_SHARE, State, needed_errors
 
 Array = NDArray[np.float64]
 RATIOS = (1.0, -1.0)

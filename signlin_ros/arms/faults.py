@@ -16,7 +16,15 @@ from numpy.typing import NDArray
 from signlin_ros.arms.ahead import Ahead, Witness, ahead, compared
 from signlin_ros.arms.data import ArmRun, resized, shifted, with_delays, with_gains
 from signlin_ros.arms.fit import fit
-from signlin_ros.arms.search import DELAY, GAIN, MIN_COEFFICIENT_ERRORS, Key, SearchResult, names_of
+from signlin_ros.arms.search import (
+    DELAY,
+    GAIN,
+    MIN_COEFFICIENT_ERRORS,
+    MIN_VALIDATION_SHARE,
+    Key,
+    SearchResult,
+    names_of,
+)
 from signlin_ros.model.arm import ArmModel
 
 if TYPE_CHECKING:
@@ -88,6 +96,22 @@ def not_again(diagnosis: ArmDiagnosis, law: str) -> frozenset[Key]:
     return frozenset(Key(law, i) for i in every if not (law == GAIN and at_motor[i])) - kept
 
 
+def unmade(diagnosis: ArmDiagnosis, right: ArmDiagnosis, law: str) -> frozenset[Key]:
+    """Return the delays of a diagnosis that are none: efforts put in time by them are explained no better.
+
+    A delay is found by the first term of its series. Beyond that, and where what is missing is something else, only
+    shifting the efforts in earnest tells. ``right`` is the diagnosis of efforts that were shifted.
+    """
+    if law != DELAY:
+        return frozenset()
+    laws, estimate = faults(diagnosis, law), diagnosis.estimate
+    design = estimate.design.without(*(name for fault in laws for name in fault.names))
+    without = fit(design, diagnosis.state.rows, diagnosis.state.new)
+    fall = 1.0 - (right.estimate.rms / without.rms) ** 2
+    shown = {fault.key: np.nanmax(fall) if fault.key.at < 0 else fall[fault.key.at] for fault in laws}
+    return frozenset(key for key, share in shown.items() if not share > MIN_VALIDATION_SHARE)
+
+
 def told_with(diagnosis: ArmDiagnosis, before: Sequence[Fault]) -> ArmDiagnosis:
     """Return a diagnosis of efforts that were put right, with the faults that they had, and figures as before.
 
@@ -130,4 +154,4 @@ def _without(fault: Fault, names: Sequence[str]) -> Ahead:
     return ahead(state, fit(design, state.rows, state.new))
 
 
-__all__ = ["FAULTS", "Fault", "delays", "faults", "not_again", "put_right", "shown", "told_with"]
+__all__ = ["FAULTS", "Fault", "delays", "faults", "not_again", "put_right", "shown", "told_with", "unmade"]

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.arms.fit import CoefficientEstimate, FitDesign, fit
+from signlin_ros.arms.heldout import MIN_VALIDATION_ERRORS
 from signlin_ros.arms.laws import ASKED, EXTRA, JointLaw, shapes
 from signlin_ros.arms.piece import RegressionRows
 from signlin_ros.arms.search import (
-    MIN_VALIDATION_ERRORS,
     MIN_VALIDATION_SHARE,
     Key,
     SearchResult,

@@ -3,12 +3,12 @@
 Every law is first told by the fall of the weighted squares that it promises beside all that is fitted already, inertial
 parameters with their priors included; the best are fitted in earnest. A law stands if its coefficient is many standard
 errors from nothing (of blocks, corrected for the number of laws tried), if unseen rows lose a visible part of their
-squares, and if those rows by themselves say the same.
+squares, and if those rows say the same, by themselves or in what the fit foretells for them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
 from signlin_ros.arms.fit import CoefficientEstimate, FitDesign, blocks, fit, rigid
+from signlin_ros.arms.heldout import MIN_VALIDATION_ERRORS, again, foretells
 from signlin_ros.arms.laws import (
     BASIC,
     EXTRA,
@@ -39,8 +40,6 @@ DOUBT = 1e-4
 """Probability of a law that is not there, over all that are tried."""
 MIN_COEFFICIENT_ERRORS = 4.0
 """Standard errors that a coefficient needs, at least."""
-MIN_VALIDATION_ERRORS = 2.5
-"""Standard errors, of the same sign, on unseen rows alone."""
 MIN_VALIDATION_SHARE = 0.05
 """Part of the squares of a joint's unseen rows that a law must take away."""
 TIE = 0.75
@@ -325,7 +324,7 @@ def _stands(
         worth = max(worth, _drop(estimate, trial) / max(len(state.rows), 1))
     else:
         visible = np.nanmax(fall) if key.at < 0 or key.law in SEEN_ELSEWHERE else fall[key.at]
-        if not (sure and visible > MIN_VALIDATION_SHARE and worth > 0.0 and _again(state, trial, values, names)):
+        if not (sure and visible > MIN_VALIDATION_SHARE and worth > 0.0 and _held(estimate, trial, promise)):
             return None
     return SearchResult(key, names, values, errors, before, after, worth), law
 
@@ -351,13 +350,10 @@ def needed_errors(tried: int) -> float:
     return max(MIN_COEFFICIENT_ERRORS, float(norm.isf(DOUBT / max(tried, 1) / 2)))
 
 
-def _again(state: State, trial: CoefficientEstimate, values: Array, names: Sequence[str]) -> bool:
-    """Tell whether unseen rows by themselves say the same of a law."""
-    other = fit(trial.design.swapped(), state.new, state.rows, trial.weights)
-    at = [trial.design.at(name) for name in names]
-    ratio = other.theta[at] / np.maximum(other.errors()[at], 1e-300)
-    largest = int(np.argmax(np.abs(values)))
-    return bool(ratio[largest] * np.sign(values[largest]) >= MIN_VALIDATION_ERRORS)
+def _held(estimate: CoefficientEstimate, trial: CoefficientEstimate, promise: _Promise) -> bool:
+    """Tell whether unseen rows say the same of a law: by themselves, or, of friction, in what the fit foretells."""
+    names = names_of(promise.key)
+    return again(trial, names) or (promise.law is not None and foretells(estimate, trial, names, promise.key.at))
 
 
 def _drop(estimate: CoefficientEstimate, trial: CoefficientEstimate) -> float:

@@ -12,6 +12,7 @@ from signlin_ros.arms.data import ArmRun
 from signlin_ros.arms.fit import CoefficientEstimate, fit, rigid
 from signlin_ros.arms.laws import BASIC, JointLaw, force
 from signlin_ros.arms.piece import ArmSegment, RegressionRows, chosen_band
+from signlin_ros.arms.repeats import repeated
 from signlin_ros.arms.search import State
 from signlin_ros.effects import find_effect
 from signlin_ros.errors import InputError
@@ -129,6 +130,7 @@ def study(model: ArmModel, known: Sequence[ArmRun], unseen: Sequence[ArmRun], ba
     rows, new = (_rows(model.unloaded, model.arm_plant.motors, runs, band) for runs in (known, unseen))
     found = Study(model, (known, unseen), band, rows, new)
     _look(found)
+    found.notes += repeated(known, unseen)
     return found
 
 

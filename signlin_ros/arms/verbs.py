@@ -12,14 +12,14 @@ from signlin_ros.arms.ahead import WINDOW, Ahead, Witness, ahead, witnesses
 from signlin_ros.arms.coupling import find_coupling
 from signlin_ros.arms.data import ArmRun
 from signlin_ros.arms.detectable import detectable
-from signlin_ros.arms.faults import FAULTS, Fault, faults, not_again, put_right, told_with
+from signlin_ros.arms.faults import FAULTS, Fault, faults, not_again, put_right, told_with, unmade
 from signlin_ros.arms.fit import CoefficientEstimate, FitDesign, blocks, fit
 from signlin_ros.arms.forms import better_forms
+from signlin_ros.arms.heldout import MIN_VALIDATION_ERRORS
 from signlin_ros.arms.laws import ASKED, EXTRA, JointLaw, shapes
 from signlin_ros.arms.proposal import Proposal, proposal
 from signlin_ros.arms.search import (
     MIN_COEFFICIENT_ERRORS,
-    MIN_VALIDATION_ERRORS,
     MIN_VALIDATION_SHARE,
     SEEN_ELSEWHERE,
     Key,
@@ -33,6 +33,7 @@ from signlin_ros.arms.study import LINK_SIDE, Study, study
 from signlin_ros.errors import ModelError, choices, suggest
 from signlin_ros.model.arm import ArmModel
 from signlin_ros.plants.arm import parted
+from signlin_ros.threads import one_thread
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -99,6 +100,7 @@ def _quiet(_: str) -> None:
     pass
 
 
+@one_thread
 def compare(
     model: ArmModel,
     known: Sequence[ArmRun],
@@ -149,6 +151,7 @@ def _look_at_rotors(found: Study, basic: CoefficientEstimate, rigid: Array) -> N
     found.link_side.update(dict.fromkeys(told, LINK_SIDE))
 
 
+@one_thread
 def diagnose(
     model: ArmModel,
     known: Sequence[ArmRun],
@@ -167,13 +170,18 @@ def diagnose(
         return carried(comparison)
     told, before, known_faults = _searched(comparison, progress), list[Fault](), frozenset[Key]()
     for law, done in FAULTS.items():
-        if not faults(told, law):
-            continue
-        progress(done)
-        before.append(Fault(told, faults(told, law)))
-        known_faults |= not_again(told, law)
-        right, runs = put_right(told, law)
-        told = _searched(compare(right, *runs, comparison.study.band, progress), progress, known_faults)
+        while faults(told, law):
+            progress(done)
+            right, runs = put_right(told, law)
+            again, own = known_faults | not_again(told, law), compare(right, *runs, comparison.study.band, progress)
+            put = _searched(own, progress, again)
+            if wrong := unmade(told, put, law):
+                known_faults |= wrong
+                told = _searched(comparison, progress, known_faults)
+                continue
+            before.append(Fault(told, faults(told, law)))
+            told, comparison, known_faults = put, own, again
+            break
     progress(f"windows of {WINDOW:g} s")
     told = replace(_witnessed(told), detectable=detectable(told.state, told.estimate))
     return told_with(told, before)
@@ -194,6 +202,8 @@ def _searched(comparison: ArmComparison, progress: Progress, known: frozenset[Ke
         state = found.state()
         estimate = settled(state)
     state.known = known
+    state.terms = _in_file(found)
+    estimate = _borne_out(state, estimate)
     missing = _left_out(found, state, estimate)
     estimate = search(state, progress)
     estimate = better_forms(state, estimate, progress)
@@ -215,6 +225,7 @@ def _without_laws(state: State, estimate: CoefficientEstimate) -> FitDesign:
     return estimate.design.without(*(name for key, _ in state.terms for name in names_of(key)))
 
 
+@one_thread
 def add(
     effect: str,
     model: ArmModel,
@@ -237,7 +248,8 @@ def add(
     before = comparison.basic
     if name in laws:
         place, law = found.names.index(joint), laws[name]
-        kept, tried = _in_file(found, place, law), []
+        kept = [(k, own) for k, own in _in_file(found) if own is None or not _replaced(k, own, place, law)]
+        tried = []
         for shape in shapes(law, found.rows, place):
             state.terms = [*kept, (Key(name, place, shape), law)]
             fitted = fit(state.design(state.loads(before)), state.rows, state.new, before.weights)
@@ -265,15 +277,35 @@ def add(
     return _witnessed(_told(comparison, state, estimate, (), []))
 
 
-def _in_file(found: Study, place: int, new: JointLaw) -> list[tuple[Key, JointLaw | None]]:
-    """Return the laws of joints that the file has already, without what a new one takes the place of."""
+def _in_file(found: Study) -> list[tuple[Key, JointLaw | None]]:
+    """Return the laws that the file has in its joints beside basic friction."""
     laws, kept = {law.effect: law for law in (*EXTRA, *ASKED)}, list[tuple[Key, JointLaw | None]]()
     for key, use in found.model.effects.items():
         law, at = laws.get(use.type), found.model.arm_plant.place_of(key)
-        if law is not None and not (at == place and (law is new or (law.base and law.base == new.base))):
+        if law is not None and at not in found.barred and at not in found.link_side:
             shape = float(use.parameters[law.shape]) if law.shape else 0.0
             kept.append((Key(use.type, at, shape), law))
     return kept
+
+
+def _replaced(key: Key, own: JointLaw, place: int, new: JointLaw) -> bool:
+    """Tell whether a new law of a place takes the place of another one."""
+    return key.at == place and (own is new or bool(own.base and own.base == new.base))
+
+
+def _borne_out(state: State, estimate: CoefficientEstimate) -> CoefficientEstimate:
+    """Take out laws of the file that would drive their joints in these records; return the fit of those that stay."""
+    if not state.terms:
+        return estimate
+    while against := _driving(state, estimate := settled(state, estimate)):
+        state.terms = [(key, law) for key, law in state.terms if key not in against]
+    return estimate
+
+
+def _driving(state: State, estimate: CoefficientEstimate) -> list[Key]:
+    """Return the laws of one sign that have the other one in a fit."""
+    one_sign = [key for key, law in state.terms if law is not None and law.positive]
+    return [key for key in one_sign if estimate[names_of(key)[0]] < 0.0]
 
 
 def _told(

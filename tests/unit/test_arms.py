@@ -2,6 +2,7 @@
 
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import jsonschema
@@ -229,6 +230,18 @@ def test_refine_writes_a_model_and_a_urdf_that_are_read_again(tmp_path, capsys, 
     assert main(["diagnose", str(new), files[0], "--validation", files[1], "--band", "6"]) == 0
     text = capsys.readouterr().out
     assert "Left of the efforts, RMS below 6 Hz" in text
+    # what the file has now is not missing any more, and stays in it
+    assert text.startswith("adequate")
+    assert "load-dependent" not in text
+
+
+def test_a_law_of_the_file_that_drives_its_joint_in_these_records_is_taken_out(loaded_friction):
+    model = MODEL.with_effect("shoulder.load_dependent_friction", kappa_d=0.0, kappa_e=0.1)
+    turned = [
+        replace(one, tau=2.0 * run(TRUE, k).tau - one.tau) for k, one in zip((3, 4), loaded_friction, strict=True)
+    ]
+    found = diagnose(model, [turned[0]], [turned[1]], BAND)
+    assert "shoulder.load_dependent_friction" not in found.proposal.model.effects
 
 
 def test_an_effect_is_added_to_a_joint(loaded_friction):

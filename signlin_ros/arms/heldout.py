@@ -1,0 +1,58 @@
+"""What rows that no fit saw say of a law: by themselves, and of what a fit to the others promises for them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.arms.fit import CoefficientEstimate, fit
+
+Array = NDArray[np.float64]
+MIN_VALIDATION_ERRORS = 2.5
+"""Standard errors, of the same sign, on unseen rows."""
+LEAST_BLOCKS = 6
+"""Blocks of unseen rows from which on the scatter between them tells an error."""
+
+
+def again(trial: CoefficientEstimate, names: tuple[str, ...]) -> bool:
+    """Tell whether unseen rows by themselves say the same of the largest of some coefficients of a fit."""
+    own, other, errors = _both(trial, names)
+    largest = int(np.argmax(np.abs(own[0])))
+    return bool(other[largest] * np.sign(own[0][largest]) >= MIN_VALIDATION_ERRORS * errors[largest])
+
+
+def foretells(before: CoefficientEstimate, trial: CoefficientEstimate, names: tuple[str, ...], joint: int) -> bool:
+    """Tell whether what a law changes in the efforts that a fit foretells for unseen rows is there in a joint.
+
+    A short record in which a joint is moved little does not tell its friction from its bodies by itself; it may tell
+    that a law known from elsewhere is right. What is left of unseen rows without the law is held against what the law
+    changes there, all coefficients being those of the fit: the slope is one if the law is right, nothing if it is not.
+    Unseen rows by themselves must not say otherwise.
+    [Harvey, Leybourne and Newbold, Journal of Business and Economic Statistics 16(2), 1998]
+    """
+    own, other, errors = _both(trial, names)
+    agree = np.abs(own[0] - other) <= MIN_VALIDATION_ERRORS * np.hypot(own[1], errors)
+    return bool(agree.all()) and _slope_errors(before, trial, joint) >= MIN_VALIDATION_ERRORS
+
+
+def _both(trial: CoefficientEstimate, names: tuple[str, ...]) -> tuple[tuple[Array, Array], Array, Array]:
+    """Return coefficients and standard errors (k,) of a fit, then those of unseen rows by themselves."""
+    other = fit(trial.design.swapped(), trial.new, trial.rows, trial.weights)
+    at = [trial.design.at(name) for name in names]
+    return (trial.theta[at], trial.errors()[at]), other.theta[at], np.maximum(other.errors()[at], 1e-300)
+
+
+def _slope_errors(before: CoefficientEstimate, trial: CoefficientEstimate, joint: int) -> float:
+    """Return by how many standard errors the slope of unseen residuals over what a law changes there is positive."""
+    own = before.new.joint == joint
+    left, block = before.unseen[own], before.new.block[own]
+    change = left - trial.unseen[own]
+    size = float(change @ change)
+    if size <= 0.0 or np.unique(block).size < LEAST_BLOCKS:
+        return 0.0
+    slope = float(change @ left) / size
+    scatter = float(np.linalg.norm(np.bincount(block, change * (left - slope * change))))
+    return slope * size / max(scatter, 1e-300)
+
+
+__all__ = ["MIN_VALIDATION_ERRORS", "again", "foretells"]

@@ -1,0 +1,54 @@
+"""What unseen rows say of a law: by themselves, or in what a fit to other rows foretells for them."""
+
+import numpy as np
+import pytest
+
+from signlin_ros.arms.fit import FitDesign, fit
+from signlin_ros.arms.heldout import again, foretells
+from signlin_ros.arms.piece import RegressionRows
+
+LAW, NOISE, COUNT = ("law",), 0.05, 200
+
+
+class Rows:
+    """Rows of one joint whose effort is a mass times x and, where there is one, a law times z."""
+
+    n, by_joint, counts = 1, RegressionRows.by_joint, RegressionRows.counts
+
+    def __init__(self, seed, law, turn=1.0, apart=1.0):
+        rng = np.random.default_rng(seed)
+        self.joint, self.block = np.zeros(COUNT, dtype=int), np.arange(COUNT) // 10
+        self.x = rng.normal(size=COUNT)
+        self.z = turn * self.x + apart * rng.normal(size=COUNT)  # little apart: the law looks like the mass
+        self.y = 2.0 * self.x + law * self.z + NOISE * rng.normal(size=COUNT)
+
+
+def fitted(known, unseen):
+    """Return the fits without the law and with it."""
+    one = np.array([np.inf])
+    before = FitDesign(("mass",), known.x[:, None], unseen.x[:, None], np.zeros(1), one)
+    weights = np.array([1.0 / NOISE])
+    trial = before.plus(LAW, known.z[:, None], unseen.z[:, None])
+    return tuple(fit(design, known, unseen, weights) for design in (before, trial))
+
+
+@pytest.mark.parametrize(("law", "there"), [(0.3, True), (0.0, False), (-0.3, False)])
+def test_rows_that_tell_a_law_apart_say_it_again_by_themselves(law, there):
+    known, unseen = Rows(1, 0.3), Rows(2, law)
+    before, trial = fitted(known, unseen)
+    assert again(trial, LAW) == there
+    assert foretells(before, trial, LAW, 0) == there
+
+
+@pytest.mark.parametrize(("law", "there"), [(0.3, True), (0.0, False), (-0.3, False)])
+def test_rows_in_which_a_law_looks_like_another_one_tell_whether_what_is_foretold_is_there(law, there):
+    known, unseen = Rows(3, 0.3), Rows(4, law, turn=3.0, apart=1e-3)
+    before, trial = fitted(known, unseen)
+    assert not again(trial, LAW)
+    assert foretells(before, trial, LAW, 0) == there
+
+
+def test_a_few_blocks_are_no_scatter():
+    known, unseen = Rows(3, 0.3), Rows(4, 0.3, turn=3.0, apart=1e-3)
+    unseen.block = np.arange(COUNT) // 100
+    assert not foretells(*fitted(known, unseen), LAW, 0)
