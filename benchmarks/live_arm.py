@@ -59,7 +59,8 @@ def model_file(urdf: Path, folder: Path) -> Path:
     """Write the model of an arm with friction in every joint; return its path."""
     friction = {"viscous_friction": {"b": 3.0}, "coulomb_friction": {"mu": 3.0}}
     content: dict[str, Any] = {"plant": "arm", "robot": str(urdf)}
-    content |= {name: {"parameters": {"motor_inertia": 0.5}, "effects": friction} for name in read_urdf(str(urdf)).names}
+    joint = {"parameters": {"motor_inertia": 0.5}, "effects": friction}
+    content |= dict.fromkeys(read_urdf(str(urdf)).names, joint)
     Model.from_dict(content).save(folder / "arm.yaml")
     return folder / "arm.yaml"
 
@@ -112,7 +113,7 @@ def publish(process: Any, names: tuple[str, ...], seconds: float) -> tuple[Any, 
         rclpy.shutdown()
 
 
-def show(report: Report, rate: float, sent: int, worst: float, share: float, models: list[Any], told: list[Any]) -> None:
+def show(report: Report, rate: float, sent: int, worst: float, share: float, models: list[Any], told: Any) -> None:
     """Print states taken and refused, and updates that are missing."""
     values = {v.key: v.value for message in told for status in message.status for v in status.values}
     report.line("states published", f"{sent}, at most {1e3 * worst:.1f} ms late by this process")
