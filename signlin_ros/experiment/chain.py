@@ -1,9 +1,11 @@
 """Several commands in one record, one after the other, where no single one tells all rivals apart.
 
 What two parts of a record show adds up: a law refitted to both leaves no less than refitted to each. So the best
-commands for single pairs follow each other, those first by which most pairs come to what a plan asks for; a pair that
-no command tells apart so well decides nothing for the others. [A sum of distances that are cut off is submodular, and
-the greedy choice is within 1 - 1/e of the best: Nemhauser, Wolsey and Fisher 1978, doi:10.1007/BF01588971]
+commands for single pairs follow each other, each time the one after which a wrong rival is least likely to win. Of two
+laws at a distance d that is exp(-d/8) at most, of several the sum over their pairs at most [Bhattacharyya's bound:
+Kailath, IEEE Trans. Communication Technology 15 (1967) 52, doi:10.1109/TCOM.1967.1089532]; a pair that no command tells
+apart decides nothing for the others. [What such a sum loses is submodular in the commands, and the greedy choice is
+within 1 - 1/e of the best: Nemhauser, Wolsey and Fisher 1978, doi:10.1007/BF01588971]
 """
 
 from __future__ import annotations
@@ -18,18 +20,17 @@ from signlin_ros.experiment.distance import Pair
 from signlin_ros.experiment.families import Family
 from signlin_ros.experiment.parts import REST_PART, Part
 from signlin_ros.experiment.plan import PlanText
-from signlin_ros.experiment.promise import promised
-from signlin_ros.experiment.remedies import least
+from signlin_ros.experiment.promise import foretold, promised
 from signlin_ros.experiment.search import ENOUGH, NEEDED_EVIDENCE, RECOVERS, RESERVE, CommandSearch, CommandTrial
 
 Array = NDArray[np.float64]
 
 DRAWN, DOWN, TIMES = 12, 0.85, 12
 """Machines drawn from each estimate that must stay within the limits; by what a command is made smaller, how often."""
-MOST_COMMANDS, MOST_SAMPLES = 3, 20_000
+MOST_COMMANDS, MOST_SAMPLES = 4, 20_000
 """Most commands in one record, and most samples of it."""
 PAIRS_HELPED, LEAST_GAIN = 4, 0.1
-"""Pairs, the hardest, for which commands are looked for; part by which one more must raise what is shown of them."""
+"""Pairs, the hardest, for which commands are looked for; part by which one more must lower the bound on an error."""
 WORTH_LONGER = 1.3
 """Times as much that a longer record must show."""
 
@@ -124,24 +125,31 @@ def _best_for(first: EndedSearch, one: PlanText) -> CommandTrial | None:
 
 
 def _shown(first: EndedSearch, told: Sequence[PlanText], trial: CommandTrial) -> Array:
-    """Return the distance (pairs,) of each two rivals under a command, the smaller of both ways."""
-    bench, t = first.search.bench, first.single.t
-    return np.array([least(bench, first.pairs_of([one]), t, trial.u) for one in told])
+    """Return the distance (pairs,) of each two rivals under a command, the smallest of both ways and of what the first
+    records leave open of the true one.
+    """
+    search = first.single
+    return np.array([min(foretold(search, trial.u, pair) for pair in first.pairs_of([one])) for one in told])
 
 
 def _added(now: Array, shown: Sequence[Array]) -> list[int]:
     """Return which commands are added, in their order: each time the one by which the distances (pairs,) of now and of
-    those that were ``shown`` come nearest to what is asked for, together.
+    those that were ``shown`` leave the smallest bound on an error, those beyond what is asked for as that.
     """
     found, most = list[int](), RESERVE * ENOUGH
     while shown and len(found) < MOST_COMMANDS - 1:
-        worth = [float(np.minimum(now + more, most).sum()) for more in shown]
-        best = int(np.argmax(worth))
-        if worth[best] < (1.0 + LEAST_GAIN) * float(np.minimum(now, most).sum()):
+        left = [_bound(np.minimum(now + more, most)) for more in shown]
+        best = int(np.argmin(left))
+        if left[best] > (1.0 - LEAST_GAIN) * _bound(np.minimum(now, most)):
             break
         now = now + shown[best]
         found.append(best)
     return found
+
+
+def _bound(distances: Array) -> float:
+    """Return Bhattacharyya's bound on how likely a wrong one of rivals wins, of the distances (pairs,) of each two."""
+    return float(np.exp(-distances / 8.0).sum())
 
 
 def _one_after_the_other(

@@ -40,7 +40,7 @@ def promised(
     drawn = {i: _records(search, best.u, i) for i in dict.fromkeys(i for i, _ in every)}
     for i, j in dict.fromkeys((min(p), max(p)) for p in every):
         ways = [p for p in ((i, j), (j, i)) if p in least]
-        expected = min(_expected(search, best.u, p) for p in ways)
+        expected = min(foretold(search, best.u, p) for p in ways)
         places = [k for k, p in enumerate(search.pairs) if set(p) == {i, j}]
         seen = float(best.certainties[places].min()) if best.certainties is not None and places else np.nan
         most, alike, nested = max(expected, 0.0), False, False
@@ -50,7 +50,7 @@ def promised(
             nested = most < NEEDED_EVIDENCE and _kin(bench.contenders[i], bench.contenders[j])
             way = richer(bench.contenders, i, j)
             imitated = nested and way in least and not _idle(search, best.u, way)
-            if imitated and max(_expected(search, best.u, way), _most(search, [way], every, whole)) < NEEDED_EVIDENCE:
+            if imitated and max(foretold(search, best.u, way), _most(search, [way], every, whole)) < NEEDED_EVIDENCE:
                 nested = False  # other parameters imitate what it adds, whichever the command: a symmetry
             alike = bool(most < NEEDED_EVIDENCE) and not nested
         else:
@@ -110,7 +110,7 @@ def _idle(search: CommandSearch, u: Array, pair: Pair) -> bool:
     return bench.squares(simple, bench.segment(rich, run), theta) < NEEDED_EVIDENCE
 
 
-def _expected(search: CommandSearch, u: Array, pair: Pair) -> float:
+def foretold(search: CommandSearch, u: Array, pair: Pair) -> float:
     """Return the smallest distance from a rival's estimate or one of its sigma points, the other one refitted from its
     estimate and from its sigma points.
     """
@@ -132,4 +132,4 @@ def _real(bench: RivalBench, t: Array, u: Array, pair: Pair) -> float:
     return 0.0 if cost >= LOST else cost
 
 
-__all__ = ["promised", "richer"]
+__all__ = ["foretold", "promised", "richer"]

@@ -23,7 +23,7 @@ from signlin_ros.diagnosis.rivals import rival
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import InputError
 from signlin_ros.experiment import setting
-from signlin_ros.experiment.chain import _added, _of_length, chained
+from signlin_ros.experiment.chain import MOST_COMMANDS, _added, _of_length, chained
 from signlin_ros.experiment.common_scale import force_power, with_larger_forces
 from signlin_ros.experiment.contenders import Contender, contender
 from signlin_ros.experiment.distance import RivalBench
@@ -331,10 +331,16 @@ def test_parts_of_a_record_keep_their_share_beside_each_other():
 
 def test_commands_are_added_by_what_they_bring_the_pairs_that_lack_most():
     now, none = np.array([5.0, 20.0, 200.0]), np.zeros(3)
-    first, second = np.array([100.0, 0.0, 500.0]), np.array([0.0, 40.0, 0.0])
+    first, second = np.array([100.0, 0.0, 500.0]), np.array([0.0, 70.0, 0.0])
     assert _added(now, [none, second, first]) == [2, 1]
     assert _added(now, [none]) == []
     assert _added(now, []) == []
+
+
+def test_the_pair_that_is_told_apart_least_gets_a_command_before_more_is_shown_of_many():
+    """A sum of distances preferred the one that shows more of two pairs, and left the third at 28."""
+    now, many, one = np.array([9.0, 0.0, 13.0]), np.array([34.0, 41.0, 15.0]), np.array([9.0, 7.0, 37.0])
+    assert _added(now, [many, one])[:2] == [0, 1]
 
 
 @pytest.fixture(scope="module")
@@ -351,7 +357,7 @@ def test_commands_one_after_the_other_show_more_and_rest_at_the_ends(searched):
     """As if machines that are drawn had told of two pairs apart less than is asked for."""
     hard = [replace(one, expected=20.0) for one in searched.told[:2]]
     longer = chained(replace(searched, told=(*hard, *searched.told[2:])))
-    assert longer.best.u.size in (800, 1200)
+    assert longer.best.u.size in [400 * count for count in range(2, MOST_COMMANDS + 1)]
     assert longer.best.u[0] == longer.best.u[-1] == 0.0
     assert longer.best.share <= 0.8
     assert longer.best.parts[0].kind == searched.best.parts[0].kind
