@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from dataclasses import dataclass
 
 import casadi as ca
 
@@ -18,23 +19,48 @@ def rate_of(t: Trace, plant: type[Plant]) -> ca.SX:
     return t.y[0] if plant.motion_is_imposed() else t.f[t.states.index(plant.velocity)]
 
 
-@symbolic
-@functools.lru_cache(maxsize=256)
-def rate_tape(structure: Structure) -> Tape:
-    """Return the expression that a force enters, as a tape."""
-    t = trace(structure)
-    return tape_of(t, rate_of(t, structure.plant))
+@dataclass(frozen=True, eq=False)
+class SwitchedTape:
+    """Expressions over x, u, p and the signs of the switching surfaces: ``outputs``, and those ``surfaces``, None where
+    all of them are the velocity, whose sign a record tells.
+    """
+
+    outputs: Tape
+    surfaces: Tape | None
+
+
+@dataclass(frozen=True, eq=False)
+class ForceEquations:
+    """What a structure says of forces.
+
+    ``rate``: what a force enters, see `rate_of`; ``effort_slopes``: its slope over the effort, None where that is the
+    same however the plant moves; ``placed``: whether the force depends on the position, where an integral of the speed
+    starts anywhere, and drifts.
+    """
+
+    rate: SwitchedTape
+    effort_slopes: SwitchedTape | None
+    placed: bool
 
 
 @symbolic
 @functools.lru_cache(maxsize=256)
-def arriving_tape(structure: Structure) -> Tape | None:
-    """Return the slope of that over the effort, as a tape; None: see `by_effort`."""
-    t = trace(structure)
-    return by_effort(t, structure.plant, rate_of(t, structure.plant))
+def force_equations(structure: Structure) -> ForceEquations:
+    """Return what a structure says of forces."""
+    t, plant = trace(structure), structure.plant
+    rate = rate_of(t, plant)
+    return ForceEquations(tape_of(t, plant, rate), by_effort(t, plant, rate), _placed(t, plant, rate))
 
 
-def by_effort(t: Trace, plant: type[Plant], e: ca.SX) -> Tape | None:
+def _placed(t: Trace, plant: type[Plant], rate: ca.SX) -> bool:
+    if plant.position not in t.states:
+        return False
+    others = [t.f[i] for i, n in enumerate(t.states) if n not in (plant.position, plant.velocity)]
+    place = t.x[t.states.index(plant.position)]
+    return any(ca.which_depends(ca.vertcat(rate, *others), place, 1, True))
+
+
+def by_effort(t: Trace, plant: type[Plant], e: ca.SX) -> SwitchedTape | None:
     """Return slopes (k) over the effort, as a tape; None where they are the same however the plant moves."""
     if plant.motion_is_imposed():
         return None
@@ -42,33 +68,18 @@ def by_effort(t: Trace, plant: type[Plant], e: ca.SX) -> Tape | None:
     names, symbols = (t.states, t.x) if effort in t.states else (t.inputs, t.u)
     slopes = ca.jacobian(e, symbols[names.index(effort) if effort in names else 0])
     moving = ca.vertcat(t.x, t.u, *(s.symbol for s in t.surfaces))
-    return tape_of(t, slopes) if ca.depends_on(slopes, moving) else None
+    return tape_of(t, plant, slopes) if ca.depends_on(slopes, moving) else None
 
 
-@symbolic
-@functools.lru_cache(maxsize=256)
-def depends_on_place(structure: Structure) -> bool:
-    """Tell whether the force depends on the position: an integral of the speed starts anywhere, and drifts."""
-    t, plant = trace(structure), structure.plant
-    if plant.position not in t.states:
-        return False
-    others = [t.f[i] for i, n in enumerate(t.states) if n not in (plant.position, plant.velocity)]
-    place = t.x[t.states.index(plant.position)]
-    return any(ca.which_depends(ca.vertcat(rate_of(t, plant), *others), place, 1, True))
+def tape_of(t: Trace, plant: type[Plant], e: ca.SX) -> SwitchedTape:
+    """Return expressions (k) of a trace as a tape."""
+    signs = ca.vertcat(*(s.symbol for s in t.surfaces)) if t.surfaces else ca.SX(0, 1)
 
+    def tape(e: ca.SX) -> Tape:
+        return Tape.of(ca.Function("force", [t.x, t.u, t.p, signs], [ca.densify(ca.cse(e))]))
 
-def tape_of(t: Trace, e: ca.SX) -> Tape:
-    """Return expressions (k) of a trace as a tape of x, u, p and the surfaces' signs."""
-    symbols = ca.vertcat(*(s.symbol for s in t.surfaces)) if t.surfaces else ca.SX(0, 1)
-    return Tape.of(ca.Function("force", [t.x, t.u, t.p, symbols], [ca.densify(ca.cse(e))]))
-
-
-@symbolic
-@functools.lru_cache(maxsize=256)
-def surfaces_tape(structure: Structure) -> Tape:
-    """Return the switching surfaces, as a tape."""
-    t = trace(structure)
-    return tape_of(t, ca.vertcat(*(s.g for s in t.surfaces)))
+    others = any(s.name != plant.velocity for s in t.surfaces)
+    return SwitchedTape(tape(e), tape(ca.vertcat(*(s.g for s in t.surfaces))) if others else None)
 
 
 def bare(model: Model) -> Model:
@@ -91,14 +102,13 @@ def inertia(model: Model) -> float:
 
 
 __all__ = [
-    "arriving_tape",
+    "ForceEquations",
+    "SwitchedTape",
     "bare",
     "by_effort",
-    "depends_on_place",
+    "force_equations",
     "inertia",
     "mass",
     "rate_of",
-    "rate_tape",
-    "surfaces_tape",
     "tape_of",
 ]

@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import binary_dilation, grey_opening
 
-from signlin_ros.comparison.equations import arriving_tape, depends_on_place, inertia, mass, rate_tape, surfaces_tape
+from signlin_ros.comparison.equations import SwitchedTape, force_equations, inertia, mass
 from signlin_ros.effects import find_effect
 from signlin_ros.effects.base import Effect
-from signlin_ros.engine.tape import Tape
 from signlin_ros.filters import low_pass, sensor_noise, slope
 from signlin_ros.follow.data import corrected
 from signlin_ros.follow.tracking import driven, filled
@@ -128,19 +127,19 @@ class ForceSegment:
 
     def states(self, model: Model, p: Array | None = None) -> Array:
         """Return the states (T, n) of a model, measured or carried along; ``p``: its parameters, by default its own."""
-        known = {n: v for n, v in self.values.items() if n in model.states}
-        follows = any("." not in n and n not in known for n in model.states)  # the input, as a plant's current does
+        known = {name: values for name, values in self.values.items() if name in model.states}
+        follows = any("." not in name and name not in known for name in model.states)  # the input, as a current does
         return driven(model, self.t, self.u, known, 0.5 * self.step if follows else 0.0, p=p)
 
-    def evaluated(self, model: Model, tape: Tape, x: Array, p: Array) -> Array:
+    def evaluated(self, model: Model, tape: SwitchedTape, x: Array, p: Array) -> Array:
         """Return a tape's outputs (outputs, T) at states x (T, n), with the direction of motion as far as known."""
-        surfaces, columns = model.trace.surfaces, [*x.T, *self.u.T, *p]
-        moving = [s.name == model.plant.velocity for s in surfaces]
-        signs: list[Array | float] = [self.sign if m else 0.0 for m in moving]
-        for _ in range(0 if all(moving) else 2):
-            g = surfaces_tape(model.structure).batch([*columns, *signs])
-            signs = [self.sign if m else np.sign(v) for m, v in zip(moving, g, strict=True)]
-        result = tape.batch([*columns, *signs])
+        columns, velocity = [*x.T, *self.u.T, *p], model.plant.velocity
+        names = [surface.name for surface in model.trace.surfaces]
+        signs: list[Array | float] = [self.sign if name == velocity else 0.0 for name in names]
+        for surfaces in [] if tape.surfaces is None else [tape.surfaces] * 2:
+            values = zip(names, surfaces.batch([*columns, *signs]), strict=True)
+            signs = [self.sign if name == velocity else np.sign(g) for name, g in values]
+        result = tape.outputs.batch([*columns, *signs])
         return np.broadcast_to(result, (len(result), self.t.size))
 
 
@@ -239,7 +238,7 @@ def tells_force(model: Model, recorded: set[str]) -> bool:
     plant = model.plant
     if plant.closed_loop:
         return False
-    placed = plant.position in recorded or not depends_on_place(model.structure)
+    placed = plant.position in recorded or not force_equations(model.structure).placed
     return placed and not recorded.isdisjoint((plant.position, plant.velocity))
 
 
@@ -334,10 +333,14 @@ def _direction(v: Array, noise: float, net: Array, wide: float, step: float) -> 
 def missing_force(model: Model, force_segment: ForceSegment) -> Array:
     """Return the force (T,) on the moving mass that a model lacks along a piece, before the low-pass."""
     model = model.under(force_segment.conditions)
-    rate = force_segment.evaluated(model, rate_tape(model.structure), force_segment.states(model), model.p)[0]
-    return np.asarray(
-        ((force_segment.effort if model.plant.motion_is_imposed() else force_segment.acceleration) - rate) * mass(model)
-    )
+    rate, inert = force_equations(model.structure).rate, mass(model)
+    return _missing(model, force_segment, rate, force_segment.states(model)) * inert
+
+
+def _missing(model: Model, piece: ForceSegment, rate: SwitchedTape, x: Array) -> Array:
+    """Return the acceleration (T,) that a model lacks at states x (T, n); of an imposed motion the force, reversed."""
+    measured = piece.effort if model.plant.motion_is_imposed() else piece.acceleration
+    return np.asarray(measured - piece.evaluated(model, rate, x, model.p)[0])
 
 
 def asked_effort(model: Model, force_segment: ForceSegment) -> Array:
@@ -345,17 +348,18 @@ def asked_effort(model: Model, force_segment: ForceSegment) -> Array:
     model lets less of the input act: no effort explains itself.
     """
     model = model.under(force_segment.conditions)
-    left, effects = force_segment.seen(missing_force(model, force_segment)), model.effects.items()
+    equations, inert = force_equations(model.structure), mass(model)
+    x, effects = force_segment.states(model), model.effects.items()
+    left = force_segment.seen(_missing(model, force_segment, equations.rate, x) * inert)
     own = [k for k, use in effects if find_effect(use.type, "effects").input is not Effect.input]
     if own and "current" not in force_segment.values:
         whole = functools.reduce(lambda m, key: m.without_effect(key), own, model)
         before, after = (float(np.mean(_driven_by(m, force_segment) ** 2)) for m in (whole, model))
         return left / max(float(np.sqrt(min(after / max(before, 1e-300), 1.0))), MIN_DRIVING_PART)
-    tape = arriving_tape(model.structure)
-    if tape is None:
+    if equations.effort_slopes is None:
         return left
-    slopes = force_segment.evaluated(model, tape, force_segment.states(model), model.p)[0]
-    return left / np.maximum(force_segment.seen(slopes * mass(model) / effort_unit(model)), MIN_DRIVING_PART)
+    slopes = force_segment.evaluated(model, equations.effort_slopes, x, model.p)[0]
+    return left / np.maximum(force_segment.seen(slopes * inert / effort_unit(model)), MIN_DRIVING_PART)
 
 
 def _driven_by(model: Model, force_segment: ForceSegment) -> Array:

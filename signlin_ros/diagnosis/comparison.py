@@ -28,6 +28,7 @@ from signlin_ros.diagnosis.input_hold import asks_hold, at_noise
 from signlin_ros.diagnosis.output_error import FitCache, estimator_of
 from signlin_ros.diagnosis.progress import Progress
 from signlin_ros.diagnosis.results import FirstRows
+from signlin_ros.diagnosis.rows import first_rows
 from signlin_ros.errors import InputError, joined
 from signlin_ros.follow.data import Segment, as_list, measured_channels, stretches, unit_asked
 from signlin_ros.follow.freerun import FreeRun, free_run
@@ -238,7 +239,7 @@ def compare(
     def refit() -> FirstRows:
         if isinstance(prepared, InputError):
             raise prepared
-        return (both or refitted_evidence(prepared, watched)).first_rows()
+        return first_rows(both or refitted_evidence(prepared, watched))
 
     return Comparison(
         model=model,

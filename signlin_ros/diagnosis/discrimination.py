@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from signlin_ros.diagnosis.equation_error.regression import mean_t_ratio
 from signlin_ros.diagnosis.evidence import Evidence
 from signlin_ros.diagnosis.output_error import FittedModel
 from signlin_ros.diagnosis.output_error.fitting import of_own
@@ -201,13 +200,8 @@ def _raises(evidence: Evidence, before: FittedModel, after: FittedModel) -> bool
     """
     if after.residual_is_noise and any(EFFECTS[name].states for name in after.effects):
         return False
-    a, b = evidence.force_mse(before), evidence.force_mse(after)
-    return (
-        a is not None
-        and b is not None
-        and evidence.force_rises(before, after)
-        and mean_t_ratio(a, b) <= -evidence.criteria.min_t
-    )
+    change = evidence.force_change(before, after)
+    return change is not None and evidence.force_rises(before, after) and change.t_ratio <= -evidence.criteria.min_t
 
 
 def loses(evidence: Evidence, rival: FittedModel, final: FittedModel) -> bool:

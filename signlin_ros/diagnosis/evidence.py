@@ -1,6 +1,4 @@
-"""Both estimates of a data set: what they measure of a model on validation data. The tables of all verbs show a row of
-each model; the first rows are the same in all for the same files.
-"""
+"""Both estimates of a data set, and what they measure of a model on validation data."""
 
 from __future__ import annotations
 
@@ -10,17 +8,16 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.comparison.equations import depends_on_place
+from signlin_ros.comparison.equations import force_equations
 from signlin_ros.comparison.force_segment import recorded, tells_force
+from signlin_ros.diagnosis.blocks import MIN_DIVISOR, BlockChange
 from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA, Criteria
 from signlin_ros.diagnosis.dataset import Dataset
 from signlin_ros.diagnosis.equation_error.estimate import EquationErrorResult, estimate_equation_error
-from signlin_ros.diagnosis.equation_error.regression import MIN_DIVISOR, RegressionFit, mean_t_ratio, scaling
+from signlin_ros.diagnosis.equation_error.regression import RegressionFit
 from signlin_ros.diagnosis.input_hold import asks_hold, with_hold
 from signlin_ros.diagnosis.output_error import FitCache, FittedModel, OutputErrorEstimator, estimator_of
-from signlin_ros.diagnosis.output_error.score import of_windows
 from signlin_ros.diagnosis.progress import Progress
-from signlin_ros.diagnosis.results import FirstRows, LadderRow, Scores
 from signlin_ros.diagnosis.wording import phrases
 from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.effects.base import Effect, SensorEffect
@@ -88,7 +85,7 @@ class Evidence:
             force.fit.validation_mse <= self.criteria.min_force_over_noise** 2 * self.force_noise_mse
             or motion.base.within_noise(self.criteria.min_force_over_noise)
         )
-        if complete or mean_t_ratio(given, own) > -self.criteria.min_t:
+        if complete or BlockChange(given, own).t_ratio > -self.criteria.min_t:
             return self
         told = force.with_laws(force.fit)
         held = {n: told.value(n) for n in force.regression.names if n in told.parameters}
@@ -128,9 +125,14 @@ class Evidence:
     def effects_in_force(self, f: FittedModel) -> frozenset[str]:
         """Return the effects that act on the force: where the current is measured, those of the voltage do not."""
         current = self.equation_error is not None and self.equation_error.regression.current
-        own = {n: find_effect(n, "effects") for n in f.effects}
-        only = {n for n, e in own.items() if _has(e, "input", "delay") and not _has(e, "force", "torque_constant")}
-        return frozenset(own.keys() - only if current else own)
+        if not current:
+            return frozenset(f.effects)
+        effects = {name: find_effect(name, "effects") for name in f.effects}
+        return frozenset(
+            name
+            for name, effect in effects.items()
+            if _has(effect, "force", "torque_constant") or not _has(effect, "input", "delay")
+        )
 
     def force_comparable(self, f: FittedModel) -> bool:
         """Tell whether the force that a model leaves can be compared with the base model's. It cannot where
@@ -157,7 +159,7 @@ class Evidence:
         if max(waves, default=0.0) > self.equation_error.waves.finest:
             return False
         pieces = self.equation_error.training.pieces
-        return pieces[0].position_measured or not depends_on_place(f.model.structure)
+        return pieces[0].position_measured or not force_equations(f.model.structure).placed
 
     def force_mse_as_written(self, f: FittedModel) -> Array | None:
         """Return the mean squared force residual (blocks,) of a model with its own values; None: not comparable."""
@@ -173,9 +175,10 @@ class Evidence:
         left = self.force_mse_as_written(f)
         if left is None or self.equation_error is None:
             return None
-        own = self.equation_error.sets.get(self.effects_in_force(f))
-        better = own is not None and own.validation_mse < float(np.mean(left))
-        return self.equation_error.validation.mse_by_block(own.validation_residual) if own and better else left
+        fit = self.equation_error.sets.get(self.effects_in_force(f))
+        if fit is None or fit.validation_mse >= float(np.mean(left)):
+            return left
+        return self.equation_error.validation.mse_by_block(fit.validation_residual)
 
     def percent_of_effort(self, left: Array | float | None) -> float | None:
         """Return a mean squared force (blocks,) as RMS in per cent of the RMS effort."""
@@ -224,86 +227,52 @@ class Evidence:
         part = self.share_left(self.force_mse(f))
         return part is not None and self.force_shows(f) and part <= self.criteria.max_force_mse_left
 
+    def force_change(self, before: FittedModel, after: FittedModel) -> BlockChange | None:
+        """Return how the force residual changes between two models; None where it cannot be compared."""
+        left_before, left_after = self.force_mse(before), self.force_mse(after)
+        return None if left_before is None or left_after is None else BlockChange(left_before, left_after)
+
     def force_falls(self, before: FittedModel, after: FittedModel) -> bool:
         """Tell whether the force residual surely falls between two models; true where it cannot be compared."""
-        a, b = self.force_mse(before), self.force_mse(after)
-        return a is None or b is None or mean_t_ratio(a, b) >= self.criteria.min_t
+        change = self.force_change(before, after)
+        return change is None or change.t_ratio >= self.criteria.min_t
 
     def force_rises(self, before: FittedModel, after: FittedModel) -> bool:
         """Tell whether the force residual surely rises between two models, so that it shows, above the noise."""
-        a, b = self.force_mse(before), self.force_mse(after)
-        if a is None or b is None:
+        change, c = self.force_change(before, after), self.criteria
+        if change is None or not change.rise_shows(c.visible_change) or np.mean(change.after) <= self.force_noise_mse:
             return False
-        alike = (1 + self.criteria.visible_change) ** 2 * float(np.mean(a))
-        return float(np.mean(b)) > max(alike, self.force_noise_mse) and mean_t_ratio(a, b) < -self.criteria.tie_t
+        return change.t_ratio < -c.tie_t
 
     def with_better_values(self, f: FittedModel) -> FittedModel:
         """Return the best model with the same effects: with the parameters of the output error, or of the equation
         error where these surely leave less force, less of both measures together, and no channel errs more. Near the
         sensors' noise the output error is right.
         """
-        motion, force, best = self.output_error, self.equation_error, self.output_error.best(f)
-        if force is None or self.near_noise(best) or not (f.effects and self.force_comparable(f)):
-            return best
+        force, other = self.equation_error, self.output_error.best(f)
+        if force is None or self.near_noise(other) or not (f.effects and self.force_comparable(f)):
+            return other
 
-        def both(one: FittedModel) -> float:
-            return one.log_mse + float(np.log(np.mean(force.mse_as_written(one.model)) + MIN_DIVISOR))
+        def both(f: FittedModel) -> float:
+            return f.log_mse + float(np.log(np.mean(force.mse_as_written(f.model)) + MIN_DIVISOR))
 
-        f = min(f, best, key=both)
-        fit = force.sets.get(frozenset(f.effects))
-        if fit is None:
-            return f
-        model = force.with_laws(fit)
-        untold = set(f.model.plant.pars()) - {*force.regression.names, *scaling(force.regression.current)}
-        model = model.with_parameters({n: v for n, v in f.model.parameters.items() if n in untold})
-        stated = motion.at_values_of([n for n, _ in fit.members], model)
-        less = stated is not None and mean_t_ratio(force.mse_as_written(f.model), force.mse_as_written(stated.model))
-        if stated is None or less < self.criteria.min_t or self.rising_channel(f, stated, self.criteria.tie_t):
-            return f
-        return min(f, stated, key=both)
+        before = min(f, other, key=both)
+        fit = force.sets.get(frozenset(before.effects))
+        after = self.output_error.at_values_of(*force.stated(fit, before.model)) if fit else None
+        if after is None:
+            return before
+        change = BlockChange(force.mse_as_written(before.model), force.mse_as_written(after.model))
+        if change.t_ratio < self.criteria.min_t or self.rising_channel(before, after, self.criteria.tie_t):
+            return before
+        return min(before, after, key=both)
 
-    # ------------------------------------------------------------ rows of the tables
-
-    def shown_percent(self, f: FittedModel, left: Array | None) -> float | None:
-        """Return `percent` of what a fit leaves (blocks,); not of effects where the base leaves less than the noise."""
-        base = self.force_mse(self.base) if f.effects else None
-        return (
-            None if base is not None and float(np.mean(base)) < self.force_noise_mse else self.percent_of_effort(left)
-        )
-
-    def row(self, f: FittedModel, left: Array | None) -> LadderRow:
-        """Return the row of a fit; ``left``: the mean squared force (blocks,) that it leaves of validation data."""
-        dataset, noise = self.dataset, np.array(list(self.dataset.noise.values()))
-        sides = ((dataset.training, f.training_squares), (dataset.validation, f.validation_squares))
-        first, second = (Scores(of_windows(problem, squares, noise)) for problem, squares in sides)
-        return LadderRow(
-            f.effects,
-            first,
-            second,
-            self.shown_percent(f, left),
-            self.force_noise_percent if self.equation_error else None,
-        )
-
-    def first_rows(self) -> FirstRows:
-        """Return the first rows."""
-        given = self.row(self.output_error.unfitted, self.force_mse_as_written(self.output_error.unfitted))
-        return FirstRows(given, self.row(self.base, self.force_mse(self.base)), self.dataset.horizon)
+    # ------------------------------------------------------------ the motion that a model leaves
 
     def rising_channel(self, before: FittedModel, after: FittedModel, times: float) -> str:
         """Return the channel whose printed error rises between models, by so many standard errors; empty if none."""
-        pairs = zip(
-            self.dataset.training.channels, before.validation_squares.T, after.validation_squares.T, strict=True
-        )
-        return next((name for name, a, b in pairs if self.mse_rises(a, b, times)), "")
-
-    def mse_rises(self, before: Array, after: Array, times: float) -> bool:
-        """Tell whether mean squares (blocks,) rise so that it shows, and by so many standard errors."""
-        rise = after - before
-        error = float(np.nanstd(rise) / np.sqrt(max(int(np.count_nonzero(np.isfinite(rise))), 1)))
-        shows = np.nanmean(after) > (1.0 + self.criteria.visible_change) ** 2 * np.nanmean(before)
-        return bool(shows and np.nanmean(rise) > times * error)
-
-    # ------------------------------------------------------------ what counts as noise of the motion
+        changes = map(BlockChange, before.validation_squares.T, after.validation_squares.T)
+        named, visible = zip(self.dataset.training.channels, changes, strict=True), self.criteria.visible_change
+        return next((name for name, change in named if change.rise_shows(visible) and change.mean_rise_t > times), "")
 
     def residual_is_white(self, f: FittedModel) -> bool:
         """Tell whether no test finds structure in the residual, tested or not (`FittedModel.residual_is_noise` asks for
@@ -323,12 +292,23 @@ class Evidence:
             return True
         if not f.residual_is_noise or _floats(f):
             return False
-        own = self.criteria.max_rmse_over_noise * np.maximum([one.over_noise for one in f.residual_tests], 1.0)
-        pairs = (
-            (f.training_squares, self.dataset.training.noise),
-            (f.validation_squares, self.dataset.validation.noise),
-        )
-        return all(bool(np.all(np.sqrt(np.nanmean(squares, axis=0)) < own * noise)) for squares, noise in pairs)
+        times = self.criteria.max_rmse_over_noise * np.maximum([test.over_noise for test in f.residual_tests], 1.0)
+        training, validation = self.dataset.training, self.dataset.validation
+        near = np.sqrt(np.nanmean(f.training_squares, axis=0)) < times * training.noise
+        return bool(np.all(near) and np.all(f.validation_rmse < times * validation.noise))
+
+    def explains_to_noise(self, f: FittedModel) -> bool:
+        """Tell whether a model's residual is noise over windows too, with no base parameter far from nominal."""
+        return self.near_any_noise(f) and f.residual_is_noise and not f.far_from_nominal(self.criteria)
+
+    def needs_no_search(self, f: FittedModel) -> bool:
+        """Tell whether a model has one law at most and leaves only noise: then no other law is fitted."""
+        return len(f.effects) < 2 and self.explains_to_noise(f)
+
+    def unidentified(self) -> dict[str, str]:
+        """Return the single laws that leave only noise, and why the records do not identify them all the same."""
+        fits = [f for f in self.single_effect_fits if self.explains_to_noise(f)]
+        return {f.effects[0]: why for f in fits if (why := self.output_error.not_identifiable(f))}
 
 
 def evidence_of(
@@ -370,8 +350,7 @@ def _floats(f: FittedModel) -> bool:
 
 def _orders(f: FittedModel) -> list[float]:
     """Return the orders of the waves of a model."""
-    uses = f.model.effects.values()
-    return [N for use in uses for N, _, _ in find_effect(use.type, "effects").waves(use.parameters)]
+    return [N for use in f.model.effects.values() for N, _, _ in find_effect(use.type, "effects").waves(use.parameters)]
 
 
 __all__ = [

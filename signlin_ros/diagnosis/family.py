@@ -40,47 +40,45 @@ class FamilyChoice:
             model = start()
             if least < np.inf and motion.objective_nearby(*motion.candidate_at(names, model)) >= least:
                 return None
-            found = motion.fitted(names, model)
+            proposal = motion.fitted(names, model)
         except InputError:
             return None
-        self.evidence.cache.keep(found)
-        return found
+        self.evidence.cache.keep(proposal)
+        return proposal
 
     # ------------------------------------------------------------ a richer law of the same family
 
-    def in_family(self, found: FittedModel) -> FittedModel:
+    def in_family(self, proposal: FittedModel) -> FittedModel:
         """Return a model with a richer law in place of one if motion surely asks for it, and force where it is seen."""
         evidence, laws = self.evidence, self.force.laws
-        for name in found.effects:
+        for name in proposal.effects:
             family = laws[name].effect.family
-            kin = [n for n, law in laws.items() if family and law.effect.family == family]
-            richer = [n for n in kin if n not in found.effects and n in evidence.laws]
-            options, least, fit = [], np.inf, found.fit
-            if richer and found.residual_is_noise and not self.imposed:
+            names = [n for n, law in laws.items() if family and law.effect.family == family]
+            names = [n for n in names if n not in proposal.effects and n in evidence.laws]
+            options, least, fit = [], np.inf, proposal.fit
+            if names and proposal.residual_is_noise and not self.imposed:
                 least = (
                     evidence.output_error.objective_nearby(fit.candidate, fit.theta)
                     - evidence.criteria.min_validation_t**2
                 )
-            for other in self.worth_it(found, name, richer):
-                rest = tuple(n if n != name else other for n in found.effects)
-                one = self._fitted(rest, partial(self._started, found, name, other), least)
-                options += [one] if one else []
-            better = (
-                self.of_one_force(found, options)
-                if self.imposed
-                else evidence.output_error.as_good_as_best(found, options)
-            )
-            found = next(
-                (one for one in better if self.imposed or not evidence.force_shows(found) or self._shows(found, one)),
-                found,
-            )
-        return found
+            for richer in self.worth_it(proposal, name, names):
+                effects = tuple(n if n != name else richer for n in proposal.effects)
+                other = self._fitted(effects, partial(self._started, proposal, name, richer), least)
+                options += [other] if other else []
+            if self.imposed:
+                options = self.of_one_force(proposal, options)
+            else:
+                options = evidence.output_error.as_good_as_best(proposal, options)
+                if evidence.force_shows(proposal):
+                    options = [other for other in options if self._shows(proposal, other)]
+            proposal = options[0] if options else proposal
+        return proposal
 
-    def worth_it(self, found: FittedModel, name: str, richer: Sequence[str]) -> list[str]:
+    def worth_it(self, proposal: FittedModel, name: str, richer: Sequence[str]) -> list[str]:
         """Return the laws in place of ``name`` that take visible force away, or the best; all where none is seen."""
-        if self.imposed or not self.evidence.force_shows(found):
+        if self.imposed or not self.evidence.force_shows(proposal):
             return list(richer)
-        models, names = self.force.sets, frozenset(found.effects)
+        models, names = self.force.sets, frozenset(proposal.effects)
         errors = {n: models[names - {name} | {n}].validation_mse for n in richer if names - {name} | {n} in models}
         if names not in models or not errors:
             return list(richer)
@@ -90,48 +88,49 @@ class FamilyChoice:
 
     def _shows(self, before: FittedModel, after: FittedModel) -> bool:
         """Tell whether a richer law surely takes away force, and a visible part of all that is missing."""
-        a, b = (self.evidence.force_mse(f) for f in (before, after))
-        gone = 0.0 if a is None or b is None else float(np.mean(a) - np.mean(b))
-        return self.evidence.force_falls(before, after) and gone > self._shown
+        change = self.evidence.force_change(before, after)
+        return self.evidence.force_falls(before, after) and change is not None and change.fall > self._shown
 
     @property
     def _shown(self) -> float:
         """A visible part of all the squared force that is missing."""
         return self.evidence.criteria.min_share_per_parameter * self.force.base.validation_mse
 
-    def _started(self, found: FittedModel, name: str, other: str) -> Model:
+    def _started(self, proposal: FittedModel, name: str, other: str) -> Model:
         """Return a fitted model with another law in place of one, as the equation-error estimate fitted it alone."""
-        model = found.model
+        model = proposal.model
         for key in [k for k, use in model.effects.items() if use.type == name]:
             model = model.without_effect(key)
         return model.with_effect(other, None, **self.force.values(self.evidence.laws[other], other))
 
     # ------------------------------------------------------------ where the motion is imposed
 
-    def in_all_band(self, found: FittedModel) -> FittedModel:
+    def in_all_band(self, proposal: FittedModel) -> FittedModel:
         """Return the best other set that leaves less of an imposed motion's force in all its band, if there is one."""
         force = self.force
         if not self.imposed:
-            return found
-        others = [
+            return proposal
+        fits = [
             f for names, f in force.sets.items() if f.validation_mse < force.fit.validation_mse and names in force.sound
         ]
-        best = sorted(others, key=lambda f: f.validation_mse)[: self.evidence.criteria.beam_width]
-        better = self.of_one_force(found, [one for one in map(self.simulated, best) if one])
-        return better[0] if better else found
+        best = sorted(fits, key=lambda f: f.validation_mse)[: self.evidence.criteria.beam_width]
+        options = self.of_one_force(proposal, [other for other in map(self.simulated, best) if other])
+        return options[0] if options else proposal
 
-    def of_one_force(self, found: FittedModel, options: Sequence[FittedModel]) -> list[FittedModel]:
+    def of_one_force(self, proposal: FittedModel, options: Sequence[FittedModel]) -> list[FittedModel]:
         """Return the options to stand in a model's place where the motion is imposed: they take away a visible part of
         the force in all its band, beyond doubt or half of what is left, and do not leave more in the low-pass.
         """
         evidence, c, motion = self.evidence, self.evidence.criteria, self.evidence.output_error
-        most = found.validation_rmse**2 - c.min_share_per_parameter * motion.base.validation_rmse**2
-        visible = [
-            one for one in options if not evidence.force_rises(found, one) and np.any(one.validation_rmse**2 < most)
+        most = proposal.validation_rmse**2 - c.min_share_per_parameter * motion.base.validation_rmse**2
+        options = [
+            other
+            for other in options
+            if not evidence.force_rises(proposal, other) and np.any(other.validation_rmse**2 < most)
         ]
-        gains = [(one, motion.improvement(found, one)) for one in visible if not one.insignificant(c)]
-        halved = [one for one, g in gains if g.mse_reduction >= HALF and g.t_ratio >= c.min_validation_t]
-        return motion.as_good_as_best(found, visible) or sorted(halved, key=lambda one: one.log_mse)
+        gains = [(other, motion.improvement(proposal, other)) for other in options if not other.insignificant(c)]
+        halved = [other for other, g in gains if g.mse_reduction >= HALF and g.t_ratio >= c.min_validation_t]
+        return motion.as_good_as_best(proposal, options) or sorted(halved, key=lambda other: other.log_mse)
 
 
 __all__ = ["FamilyChoice"]

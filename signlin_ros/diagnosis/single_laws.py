@@ -1,4 +1,5 @@
-"""Every law of the catalogue by itself, fitted by simulation, before more than one of them is named.
+"""Every law of the catalogue by itself, fitted by simulation, before more than one of them is named; and other laws in
+the place of those of a proposal.
 
 A search that adds law to law may miss the single law that suffices. So each is fitted from all its starts; those that
 gain too little after a few steps are given up.
@@ -10,6 +11,7 @@ import contextlib
 
 from signlin_ros.diagnosis.evidence import Evidence
 from signlin_ros.diagnosis.output_error import FittedModel
+from signlin_ros.diagnosis.preference import sufficient_law
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import InputError
 
@@ -19,41 +21,60 @@ fitted to the end.
 """
 
 
-def explains_to_noise(evidence: Evidence, f: FittedModel) -> bool:
-    """Tell whether a model's residual is noise over windows too, with no base parameter far from nominal."""
-    return evidence.near_any_noise(f) and f.residual_is_noise and not f.far_from_nominal(evidence.criteria)
+def search_single_laws(evidence: Evidence, proposal: FittedModel) -> FittedModel | None:
+    """Fit every law by itself, and return the one that leaves only noise; None where none does, or where a proposal
+    leaves no more.
+    """
+    if evidence.explains_to_noise(proposal):
+        return None
+    fit_every_law(evidence, proposal)
+    return sufficient_law(evidence, proposal)
 
 
-def unidentified(evidence: Evidence) -> dict[str, str]:
-    """Return the single laws that leave only noise, and why the records do not identify them all the same."""
-    fits = [f for f in evidence.single_effect_fits if explains_to_noise(evidence, f)]
-    return {f.effects[0]: why for f in fits if (why := evidence.output_error.not_identifiable(f))}
+def fit_alternatives(evidence: Evidence, proposal: FittedModel) -> list[FittedModel]:
+    """Return fits of other laws in the place of a proposal that leaves more than noise, or has several laws: every law
+    by itself, others of the same family, and what leaves noise with the base parameters free.
+    """
+    if evidence.needs_no_search(proposal):
+        return []
+    options = fit_every_law(evidence, proposal)
+    options += [] if evidence.explains_to_noise(proposal) else fit_families(evidence, proposal)
+    return options + fit_released(evidence, proposal)
 
 
-def needs_no_search(evidence: Evidence, f: FittedModel) -> bool:
-    """Tell whether a model has one law at most and leaves only noise: then no other law is fitted."""
-    return len(f.effects) < 2 and explains_to_noise(evidence, f)
-
-
-def fit_every_law(evidence: Evidence, now: FittedModel) -> list[FittedModel]:
-    """Return the fits of single laws that come near a proposal ``now``, or the best where there is none."""
-    names = [n for n in EFFECTS if n in evidence.output_error.candidates - evidence.cache.from_all_starts]
-    evidence.cache.keep(*_extended(evidence, evidence.base, names, now, MIN_GAIN_SHARE))
+def fit_every_law(evidence: Evidence, proposal: FittedModel) -> list[FittedModel]:
+    """Return the fits of single laws that come near a proposal, or the best where there is none."""
+    names = [name for name in EFFECTS if name in evidence.output_error.candidates - evidence.cache.from_all_starts]
+    evidence.cache.keep(*_extended(evidence, evidence.base, names, proposal, MIN_GAIN_SHARE))
     return evidence.single_effect_fits
 
 
-def fit_families(evidence: Evidence, final: FittedModel) -> list[FittedModel]:
+def fit_families(evidence: Evidence, proposal: FittedModel) -> list[FittedModel]:
     """Return fits of a proposal with another law of the same family in the place of one."""
-    found = list[FittedModel]()
-    for name in final.effects if len(final.effects) > 1 else ():
+    options = list[FittedModel]()
+    for name in proposal.effects if len(proposal.effects) > 1 else ():
         family = EFFECTS[name].family
-        kin = [n for n, effect in EFFECTS.items() if family and effect.family == family and n not in final.effects]
-        kin = [n for n in kin if n in evidence.output_error.candidates]
+        names = [n for n, effect in EFFECTS.items() if family and effect.family == family and n not in proposal.effects]
+        names = [n for n in names if n in evidence.output_error.candidates]
         with contextlib.suppress(InputError):  # without it the motion diverges
-            rest = evidence.output_error.fitted([n for n in final.effects if n != name], final.model)
-            found += _extended(evidence, rest, kin, final, MIN_FAMILY_SHARE)
-    evidence.cache.keep(*found)
-    return found
+            rest = evidence.output_error.fitted([n for n in proposal.effects if n != name], proposal.model)
+            options += _extended(evidence, rest, names, proposal, MIN_FAMILY_SHARE)
+    evidence.cache.keep(*options)
+    return options
+
+
+def fit_released(evidence: Evidence, proposal: FittedModel) -> list[FittedModel]:
+    """Return the best single effect, and a proposal, with base parameters free that were held at what forces tell of
+    them, where that leaves noise: forces were read beside the law that they found first.
+    """
+    if evidence.unheld is None:
+        return []
+    best = min(evidence.single_effect_fits, key=lambda f: f.log_mse, default=proposal)
+    fits = [evidence.unheld.fitted(f.effects, f.model) for f in (best, proposal) if f.effects]
+    options = [f for f in fits if evidence.explains_to_noise(f)]
+    evidence.cache.best.update({f.kind: f for f in options})
+    evidence.cache.keep(*options)
+    return options
 
 
 def _extended(
@@ -62,4 +83,4 @@ def _extended(
     return evidence.output_error.extensions(of, names, rival if rival.effects else None, share) if names else []
 
 
-__all__ = ["explains_to_noise", "fit_every_law", "fit_families", "needs_no_search", "unidentified"]
+__all__ = ["fit_alternatives", "fit_every_law", "fit_families", "fit_released", "search_single_laws"]

@@ -15,7 +15,7 @@ from signlin_ros.diagnosis.output_error.fitted import held
 from signlin_ros.diagnosis.proposal import rounded, yaml_of
 from signlin_ros.diagnosis.results import Diagnosis, ParameterEstimate, RankingEntry
 from signlin_ros.diagnosis.rivals import rivals
-from signlin_ros.diagnosis.single_laws import explains_to_noise
+from signlin_ros.diagnosis.rows import first_rows, row
 from signlin_ros.diagnosis.validation import force_left, force_percent
 from signlin_ros.diagnosis.verdict import Verdict
 from signlin_ros.diagnosis.wording import closed_loops, phrases, verdicts
@@ -29,7 +29,7 @@ def summary_of(evidence: Evidence, verdict: Verdict) -> Diagnosis:
     """Return the diagnosis that reports a verdict."""
     dataset, doubts = evidence.dataset, doubts_of(evidence, verdict.selection.rivals, verdict.final)
     ladder, ranking = (
-        tuple(evidence.row(f, force_left(evidence, f, verdict.final)) for f in verdict.steps),
+        tuple(row(evidence, f, force_left(evidence, f, verdict.final)) for f in verdict.steps),
         _ranking(evidence, verdict, doubts),
     )
     model = rounded(verdict.final.model, verdict.final.parameters)
@@ -61,7 +61,7 @@ def summary_of(evidence: Evidence, verdict: Verdict) -> Diagnosis:
             *closed_loops.remarks(evidence, verdict),
         ),
         yaml=yaml_of(model, parameters, findings),
-        given=evidence.first_rows().given,
+        given=first_rows(evidence).given,
         horizon=dataset.horizon,
         findings=findings,
         rivals=rivals(evidence, verdict),
@@ -113,7 +113,7 @@ def _not_fitted(evidence: Evidence, verdict: Verdict, name: str) -> str:
     """Return why an effect that no force shows was not fitted to the end."""
     if name in evidence.cache.searched.get((), ()):
         return phrases.TOO_LITTLE_AT_FIRST
-    if explains_to_noise(evidence, verdict.final):
+    if evidence.explains_to_noise(verdict.final):
         return phrases.not_fitted(verdict.names)
     return phrases.LED_NOWHERE
 
@@ -155,7 +155,7 @@ def _named(evidence: Evidence, verdict: Verdict, effect: str, ties: tuple[str, .
     if verdict.refused or (verdict.reason and REASONS[verdict.reason].rejects):
         status = "rejected"
     own, why = verdicts.own_parameters(verdict.final, effect), verdicts.why_named(evidence, verdict, effect)
-    return RankingEntry(effect, status, own, evidence.row(verdict.final, None).validation, ties, why)
+    return RankingEntry(effect, status, own, row(evidence, verdict.final, None).validation, ties, why)
 
 
 def _richer(a: str, b: str) -> bool:
@@ -168,7 +168,9 @@ def _other(evidence: Evidence, verdict: Verdict, name: str, f: FittedModel) -> R
     """Return the entry of an effect that was fitted out by itself."""
     beyond = find_effect(name, "effects").only_beyond and evidence.output_error.refusal(verdict.base, f)
     status, own = "not_excited" if beyond else "rejected", verdicts.own_parameters(f, name)
-    return RankingEntry(name, status, own, evidence.row(f, None).validation, why=verdicts.why_not(evidence, verdict, f))
+    return RankingEntry(
+        name, status, own, row(evidence, f, None).validation, why=verdicts.why_not(evidence, verdict, f)
+    )
 
 
 def _by_force(evidence: Evidence, verdict: Verdict, name: str) -> RankingEntry:

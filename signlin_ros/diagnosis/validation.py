@@ -10,14 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.comparison.scores import unfollowed
+from signlin_ros.diagnosis.blocks import BlockChange
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.dataset import Dataset
 from signlin_ros.diagnosis.equation_error.flexible import Curve, changing
-from signlin_ros.diagnosis.equation_error.regression import RegressionFit, mean_t_ratio
+from signlin_ros.diagnosis.equation_error.regression import RegressionFit
 from signlin_ros.diagnosis.evidence import HALF, Evidence
 from signlin_ros.diagnosis.loops import forces_of
 from signlin_ros.diagnosis.output_error import FittedModel, OutputErrorEstimator
 from signlin_ros.diagnosis.output_error.score import generalizes_badly, improvement, of_windows
+from signlin_ros.diagnosis.rows import row
 from signlin_ros.diagnosis.wording import phrases
 from signlin_ros.effects import find_effect
 from signlin_ros.errors import InputError
@@ -125,13 +127,14 @@ class ValidationTests:
         """Return the channel whose printed error rises beyond its standard error beside the base, or the missing force;
         where the proposal's own is not told, that of a step on the way.
         """
-        before, after, evidence = self.force_mse(self.base), self.force_mse(self.final), self.evidence
+        before, after, c = self.force_mse(self.base), self.force_mse(self.final), self.criteria
         if self.output_error.settles(self.base, self.final):
             return ""
         steps = self.steps()[1:-1] if after is None else ()
         after = next((left for f in reversed(steps) if (left := self.force_mse(f)) is not None), after)
-        risen = before is not None and after is not None and evidence.mse_rises(before, after, self.criteria.max_rise_t)
-        return evidence.rising_channel(self.base, self.final, self.criteria.max_rise_t) or (
+        force = None if before is None or after is None else BlockChange(before, after)
+        risen = force is not None and force.rise_shows(c.visible_change) and force.mean_rise_t > c.max_rise_t
+        return self.evidence.rising_channel(self.base, self.final, c.max_rise_t) or (
             "the missing force" if risen else ""
         )
 
@@ -146,7 +149,7 @@ class ValidationTests:
         if self.beside_given > self.criteria.min_validation_t:
             return False
         given, final = (self.evidence.force_mse_as_written(f) for f in (self.output_error.unfitted, self.final))
-        return given is None or final is None or mean_t_ratio(given, final) <= self.criteria.min_validation_t
+        return given is None or final is None or BlockChange(given, final).t_ratio <= self.criteria.min_validation_t
 
     @property
     def remembers(self) -> tuple[str, ...]:
@@ -252,7 +255,7 @@ class ValidationTests:
         """What is left of the channels, of which the model leaves more than about their noise, in per cent of their
         spread.
         """
-        scores = self.evidence.row(self.final, None).validation.channels.values()
+        scores = row(self.evidence, self.final, None).validation.channels.values()
         near = self.criteria.max_rmse_over_noise
         far = [s.fit_percent for s in scores if s.rmse_over_noise is None or s.rmse_over_noise > near]
         return [100.0 - fit for fit in far if fit is not None]

@@ -12,6 +12,7 @@ from signlin_ros.comparison.inverse import Efforts
 from signlin_ros.diagnosis.comparison import compare_efforts
 from signlin_ros.diagnosis.dataset import dataset_of
 from signlin_ros.diagnosis.evidence import refitted_evidence
+from signlin_ros.diagnosis.rows import first_rows, row
 from signlin_ros.effects.learned_force import LEARNED_OVER
 from signlin_ros.errors import InputError
 from signlin_ros.fitting.prepare import held_out
@@ -102,7 +103,7 @@ def add_learned(
     new = with_learned(model, learned)
     notes = dict.fromkeys(f"{record.source}: {note}" for record in (*known, *unseen) for note in record.notes)
     after = w.output_error.without_fit(new, ("learned_force",))
-    first, last = w.first_rows(), w.row(after, w.force_mse_as_written(after)).to_json()
+    first, last = first_rows(w), row(w, after, w.force_mse_as_written(after)).to_json()
     given, base = first.given.to_json(), first.refitted.to_json()
     unit = made.training.shown(new.unit_of("F"))
     entry = _entry(new, learned, unit, given["validation"], last["validation"])

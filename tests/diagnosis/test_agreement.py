@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from signlin_ros.console.comparison import _named
-from signlin_ros.diagnosis import selection, single_laws, summary
+from signlin_ros.diagnosis import preference, selection, single_laws, summary
 from signlin_ros.diagnosis import validation as tests_module
 from signlin_ros.diagnosis import verdict as verdict_module
 from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA
@@ -204,7 +204,7 @@ def both(motion: Any, force: Any, *fits: Fit, tried: Any = (), kept: Any = None)
 
 
 def chosen(force: Any, base: Fit, first: list[Fit], second: Fit) -> tuple[Fit, str]:
-    return selection._resolved(both(Motion(base), force, base, *first, second), first, second)
+    return preference.preferred(both(Motion(base), force, base, *first, second), first, second)
 
 
 def choice(force: Any, squares: dict[Fit, np.ndarray], motion: Any) -> FamilyChoice:
@@ -335,7 +335,7 @@ def test_of_what_is_as_good_the_one_with_the_fewest_parameters_is_named():
     wave = Fit(("bouc_wen_hysteresis",), (1.0,), 1.0, parameters=3)
     load = Fit(("constant_load",), (1.0,), 1.0, parameters=1)
     w = both(Asking(BASE), equation_error_stub(), BASE, wave, load, tried=[load])
-    assert selection.smallest_as_good(w, wave).effects == ("constant_load",)
+    assert selection.reduced(w, wave).effects == ("constant_load",)
 
 
 @pytest.mark.parametrize(("rms", "taken"), [(0.9, "coulomb_friction"), (1.5, "stribeck_friction")])
@@ -344,7 +344,7 @@ def test_the_simpler_law_that_is_as_good_is_named(rms, taken):
     richer = Fit(("stribeck_friction",), (1.0,), 1.0, parameters=3)
     simpler = Fit(("coulomb_friction",), (rms,), 1.0, parameters=1)
     w = both(Asking(BASE), equation_error_stub(), BASE, richer, simpler, tried=[simpler])
-    assert selection.smallest_as_good(w, richer).effects == (taken,)
+    assert selection.reduced(w, richer).effects == (taken,)
 
 
 class Judged:
@@ -516,7 +516,7 @@ def test_every_reason_is_told(why, monkeypatch):
     monkeypatch.setattr(verdicts, "further", lambda case: "there it is faster.")
     monkeypatch.setattr(verdicts, "why_named", lambda w, v, effect: "")
     monkeypatch.setattr(verdicts, "own_parameters", lambda f, effect: {})
-    monkeypatch.setattr(Evidence, "row", lambda w, f, left: SimpleNamespace(validation=None))
+    monkeypatch.setattr(summary, "row", lambda w, f, left: SimpleNamespace(validation=None))
     j = judged(COULOMB, force=sees(), conflict="they differ")
     found = {"reason": why, "worse": "speed", "beside_given": 1.23, "lost": ("speed",), "label": "unexplained"}
     found["loop"] = "coulomb_friction" if why == "loop" else ""
@@ -892,7 +892,7 @@ def alone(final: Fit, other: Fit, monkeypatch: Any) -> Fit | None:
     monkeypatch.setattr(Fit, "level", property(lambda f: f.rms[0]), raising=False)
     w = both(motion, None)
     single_laws.fit_every_law(w, final)
-    return selection.single_effect_leaving_noise(w, final)
+    return preference.sufficient_law(w, final)
 
 
 def test_what_alone_leaves_but_noise_explains_what_others_do_not(monkeypatch):
@@ -926,8 +926,8 @@ def test_every_law_is_fitted_before_none_or_several_are_named(final, monkeypatch
 def test_one_law_that_leaves_noise_is_told_at_once(effects, settled):
     """And nothing where nothing is missing; more than one law waits for all single ones."""
     w = both(Refusing(BASE, {}), None)
-    assert single_laws.needs_no_search(w, Fit(effects, (NOISE,), 1.0, white=True)) is settled
-    assert not single_laws.needs_no_search(w, Fit(effects, (3.0 * NOISE,), 1.0))
+    assert w.needs_no_search(Fit(effects, (NOISE,), 1.0, white=True)) is settled
+    assert not w.needs_no_search(Fit(effects, (3.0 * NOISE,), 1.0))
 
 
 @pytest.mark.parametrize(
@@ -938,7 +938,7 @@ def test_one_law_goes_before_another_that_leaves_surely_more(rms, force, taken):
     first = Fit(("dahl_presliding",), (1.0,), 1.0, parameters=2)
     loop = Fit(("bouc_wen_hysteresis",), (rms,), force, parameters=3)
     w = both(Asking(BASE), equation_error_stub(*LAWS), BASE, first, loop, tried=[first, loop])
-    assert (selection.better_option(w, first, [first, loop]) is loop) is taken
+    assert (preference.better_option(w, first, [first, loop]) is loop) is taken
 
 
 @pytest.mark.parametrize("current", [True, False])
@@ -957,17 +957,17 @@ def test_the_motion_is_searched_for_what_the_force_does_not_rule_out(share, laws
     force = equation_error_stub(*LAWS, helpful=("stribeck_friction",))
     squares = {BASE: np.full(BLOCKS, (share * EFFORT) ** 2)}
     evidence = both(Motion(BASE), force, kept=squares)
-    names = selection._names_to_search(evidence, BASE)
+    names = preference.names_to_search(evidence, BASE)
     assert (names is None) == (laws is None)
     assert names is None or (set(names) & set(LAWS) == laws and {"input_delay", "sensor_offset"} <= set(names))
     late = Fit(("sensor_delay",), (2.0,), 1.0)
-    assert selection._names_to_search(evidence, late) is None  # forces were read from a speed that was late
+    assert preference.names_to_search(evidence, late) is None  # forces were read from a speed that was late
 
 
 def test_a_law_that_the_force_proposes_is_searched_for_however_little_there_is():
     force = equation_error_stub(*LAWS, effects=("coulomb_friction",), helpful=("coulomb_friction",))
     squares = {BASE: np.full(BLOCKS, (0.04 * EFFORT) ** 2)}
-    assert "coulomb_friction" in (selection._names_to_search(both(Motion(BASE), force, kept=squares), BASE) or ())
+    assert "coulomb_friction" in (preference.names_to_search(both(Motion(BASE), force, kept=squares), BASE) or ())
 
 
 @pytest.mark.parametrize("seen", [True, False])

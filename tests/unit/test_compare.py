@@ -16,7 +16,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from signlin_ros import cli
-from signlin_ros.comparison.equations import mass, rate_tape
+from signlin_ros.comparison.equations import force_equations, mass
 from signlin_ros.comparison.scores import score
 from signlin_ros.console import compare_text
 from signlin_ros.diagnosis.comparison import Comparison, compare
@@ -393,7 +393,9 @@ def test_a_force_moves_the_mass_that_the_recorded_equation_has(name, loaded):
     zero, one = (model.with_effect("constant_load", key="probe", F0=F0) for F0 in (0.0, 1.0))
     still = np.zeros((1, len(model.states))), np.zeros((1, len(model.inputs)))
     rates = [
-        rate_tape(m.structure).batch([*still[0].T, *still[1].T, *m.p, *([0.0] * len(m.trace.surfaces))])[0][0]
+        force_equations(m.structure).rate.outputs.batch(
+            [*still[0].T, *still[1].T, *m.p, *([0.0] * len(m.trace.surfaces))]
+        )[0][0]
         for m in (zero, one)
     ]
     assert rates[1] - rates[0] == pytest.approx(1.0 / mass(model))

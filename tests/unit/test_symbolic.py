@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 import casadi as ca
 import pytest
 
-from signlin_ros.comparison.equations import rate_tape
+from signlin_ros.comparison.equations import force_equations
 from signlin_ros.compiled import exact_tape, linear_tape, smooth_tape
 from signlin_ros.follow.equations import equations
 from signlin_ros.model import Model
@@ -22,7 +22,7 @@ WORK = {
     "smooth": lambda model: smooth_tape(model.structure, 7),
     "linear": lambda model: linear_tape(model.structure, 7, "optimal"),
     "delay": lambda model: model.delay,
-    "rate": lambda model: rate_tape(model.structure),
+    "rate": lambda model: force_equations(model.structure).rate,
 }
 
 

@@ -11,15 +11,16 @@ from numpy.typing import NDArray
 
 from signlin_ros.comparison.equations import inertia
 from signlin_ros.comparison.force_segment import ForceSegment, best_cutoff, effort_gain, force_segment, stamped
+from signlin_ros.diagnosis.blocks import MIN_DIVISOR
 from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA, Criteria
 from signlin_ros.diagnosis.equation_error.flexible import Curve, structured
 from signlin_ros.diagnosis.equation_error.laws import LawRegressor, grid, laws
 from signlin_ros.diagnosis.equation_error.regression import (
-    MIN_DIVISOR,
     Regression,
     RegressionData,
     RegressionFit,
     base_of,
+    scaling,
 )
 from signlin_ros.diagnosis.equation_error.search import SubsetSearch
 from signlin_ros.diagnosis.equation_error.waves import Waves
@@ -128,6 +129,13 @@ class EquationErrorResult:
             model = model.with_effect(name, free_key(model, name), **self.values(fit, name))
         moved = zip(r.names[:-1], fit.theta, strict=False)
         return model.with_parameters({n: model.value(n) * (1 + theta) for n, theta in moved if n in model.parameters})
+
+    def stated(self, fit: RegressionFit, beside: Model) -> tuple[list[str], Model]:
+        """Return the laws of a fit, and the model with their values; what forces do not tell: as in ``beside``."""
+        told = {*self.regression.names, *scaling(self.regression.current)}
+        untold = set(beside.plant.pars()) - told
+        values = {name: value for name, value in beside.parameters.items() if name in untold}
+        return [name for name, _ in fit.members], self.with_laws(fit).with_parameters(values)
 
 
 def estimate_equation_error(

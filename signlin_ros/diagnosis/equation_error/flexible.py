@@ -21,12 +21,11 @@ from scipy.interpolate import BSpline
 from scipy.signal import lfilter
 
 from signlin_ros.comparison.force_segment import ForceSegment
+from signlin_ros.diagnosis.blocks import MIN_DIVISOR, mean_t_ratio
 from signlin_ros.diagnosis.equation_error.regression import (
-    MIN_DIVISOR,
     Regression,
     RegressionData,
     RegressionFit,
-    mean_t_ratio,
 )
 from signlin_ros.diagnosis.equation_error.waves import Waves
 

@@ -23,11 +23,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.comparison.equations import by_effort, depends_on_place, mass, rate_of, tape_of
+from signlin_ros.comparison.equations import SwitchedTape, by_effort, force_equations, mass, rate_of, tape_of
 from signlin_ros.comparison.force_segment import ForceSegment, effort_unit
 from signlin_ros.effects import EFFECTS, Effect, find_effect
 from signlin_ros.engine.symbolic import symbolic
-from signlin_ros.engine.tape import Tape
 from signlin_ros.errors import SignlinError
 from signlin_ros.model import Model
 from signlin_ros.recording.trace import Structure, Trace, trace
@@ -81,15 +80,15 @@ def parts_of(structure: Structure) -> LawParts:
 
 @symbolic
 @functools.lru_cache(maxsize=256)
-def columns_of(structure: Structure) -> Tape:
+def columns_of(structure: Structure) -> SwitchedTape:
     """Return the change of the rate for unit levels of a law, a row for each of its columns."""
     t = trace(structure)
-    return tape_of(t, _changes(t, structure))
+    return tape_of(t, structure.plant, _changes(t, structure))
 
 
 @symbolic
 @functools.lru_cache(maxsize=256)
-def loads_of(structure: Structure) -> Tape | None:
+def loads_of(structure: Structure) -> SwitchedTape | None:
     """Return the slopes of these rows over the effort; None where the law does not follow it."""
     t = trace(structure)
     return by_effort(t, structure.plant, _changes(t, structure))
@@ -233,7 +232,7 @@ def laws(model: Model, angular: bool, placed: bool = True) -> dict[str, LawRegre
     found = {}
     for name, effect in EFFECTS.items():
         law = _law(model, name, effect) if angular or effect.periodic or not effect.turning else None
-        if law is not None and (placed or not depends_on_place(law.model.structure)):
+        if law is not None and (placed or not force_equations(law.model.structure).placed):
             found[name] = law
     wave = found.get("cogging_torque")
     return {**found, "torque_ripple": Ripple("torque_ripple", wave.model, wave.parts, wave)} if wave else found

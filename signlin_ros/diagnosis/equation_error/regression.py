@@ -22,6 +22,7 @@ from signlin_ros.comparison.force_segment import (
     asked_effort,
     missing_force,
 )
+from signlin_ros.diagnosis.blocks import MIN_DIVISOR, mean_t_ratio
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.equation_error.laws import LawRegressor, Shape
 from signlin_ros.fitting.candidate import KNOWN_EFFECT
@@ -35,10 +36,6 @@ DERIVATIVE_STEP = 1e-4
 """Relative step of the derivative with respect to a parameter."""
 MAX_BOUND_ROUNDS = 9
 """Most rounds in which coefficients beyond their bounds are held there."""
-MIN_DIVISOR = 1e-300
-"""What keeps a division from failing."""
-MIN_BLOCKS = 3
-"""Blocks from which a standard error is told."""
 
 
 def scaling(current: bool) -> tuple[str, ...]:
@@ -236,21 +233,6 @@ class Regression:
         return 100.0 * float(np.sqrt(fit.validation_mse)) / max(self.validation.effort, MIN_DIVISOR)
 
 
-def mean_t_ratio(before: Array, after: Array) -> float:
-    """Return by how many standard errors squares (blocks,) fall, at most 60: their mean, or that of their logarithms,
-    whichever is surer.
-    """
-    floor = 0.1 * before.mean() + MIN_DIVISOR
-    plain, shares = _sure(before - after), _sure(np.log((before + floor) / (after + floor)))
-    return min(max(plain, shares), 60.0) if plain > 0 else max(plain, -60.0)
-
-
-def _sure(values: Array) -> float:
-    if values.size < MIN_BLOCKS:
-        return 0.0
-    return float(values.mean() / (values.std(ddof=1) / np.sqrt(values.size) + MIN_DIVISOR))
-
-
 def _bounded(
     y: Array, X: Array, spread: Array, floor: Array, ceiling: Array
 ) -> tuple[Array, NDArray[np.bool_], float, Array]:
@@ -303,13 +285,11 @@ def _covariance(
 
 
 __all__ = [
-    "MIN_DIVISOR",
     "Member",
     "Regression",
     "RegressionData",
     "RegressionFit",
     "base_of",
-    "mean_t_ratio",
     "precision",
     "scaling",
 ]

@@ -9,8 +9,9 @@ from itertools import chain
 
 import numpy as np
 
+from signlin_ros.diagnosis.blocks import MIN_DIVISOR
 from signlin_ros.diagnosis.equation_error.laws import Ripple, Shape
-from signlin_ros.diagnosis.equation_error.regression import MIN_DIVISOR, Member, Regression, RegressionFit
+from signlin_ros.diagnosis.equation_error.regression import Member, Regression, RegressionFit
 from signlin_ros.diagnosis.equation_error.subsets import Subsets
 from signlin_ros.diagnosis.equation_error.waves import Waves
 from signlin_ros.fitting.inverses import squared_distance

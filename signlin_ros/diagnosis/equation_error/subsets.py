@@ -9,8 +9,9 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.diagnosis.blocks import MIN_DIVISOR
 from signlin_ros.diagnosis.equation_error.laws import Shape
-from signlin_ros.diagnosis.equation_error.regression import MIN_DIVISOR, Member, Regression, precision
+from signlin_ros.diagnosis.equation_error.regression import Member, Regression, precision
 
 Array = NDArray[np.float64]
 Sets = NDArray[np.intp]

@@ -10,7 +10,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.equation_error.regression import MIN_DIVISOR, RegressionData
+from signlin_ros.diagnosis.blocks import MIN_DIVISOR
+from signlin_ros.diagnosis.equation_error.regression import RegressionData
 
 Array = NDArray[np.float64]
 

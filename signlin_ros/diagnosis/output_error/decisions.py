@@ -8,7 +8,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from signlin_ros.comparison.equations import depends_on_place
+from signlin_ros.comparison.equations import force_equations
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.output_error.fitted import FittedModel
 from signlin_ros.diagnosis.output_error.score import (
@@ -119,7 +119,8 @@ class Decisions:
         """
         problem, place = self.training, self.training.plant.position
         steady = bool(f.wave_orders)
-        if steady or depends_on_place(problem.base.structure) or not depends_on_place(f.model.structure):
+        before, after = (force_equations(model.structure).placed for model in (problem.base, f.model))
+        if steady or before or not after:
             return ""
         starts = [one.x for one in f.fit.candidate.starts.values() if place not in one.record.start]
         most = max((abs(float(x[f.model.states.index(place)])) for x in starts), default=0.0)

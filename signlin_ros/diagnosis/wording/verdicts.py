@@ -11,7 +11,7 @@ from signlin_ros.diagnosis.dataset import Dataset
 from signlin_ros.diagnosis.evidence import HALF, Evidence
 from signlin_ros.diagnosis.output_error import FittedModel
 from signlin_ros.diagnosis.results import ParameterEstimate, listed
-from signlin_ros.diagnosis.single_laws import unidentified
+from signlin_ros.diagnosis.rows import shown_percent
 from signlin_ros.diagnosis.validation import force_left, force_percent, freed
 from signlin_ros.diagnosis.verdict import Verdict
 from signlin_ros.diagnosis.wording import phrases
@@ -139,7 +139,7 @@ def _unsure(evidence: Evidence, verdict: Verdict) -> str:
     one that would leave but noise, and of which the records hold too little.
     """
     motion, c, found = evidence.output_error, evidence.criteria, dict[str, float]()
-    if whole := unidentified(evidence):
+    if whole := evidence.unidentified():
         name, why = next(iter(whole.items()))
         return phrases.too_little(f"{listed([name])} would leave nothing but noise", why)
     for f in sorted(evidence.single_effect_fits, key=lambda f: f.n_parameters):
@@ -164,7 +164,7 @@ def falls(evidence: Evidence, verdict: Verdict, before: FittedModel, after: Fitt
     """Return by how much the errors on validation data fall from one model to another: the force, and the motion."""
     parts = []
     a, b = (
-        evidence.shown_percent(f, force_left(evidence, f, verdict.final)) for f in (before, after)
+        shown_percent(evidence, f, force_left(evidence, f, verdict.final)) for f in (before, after)
     )  # what no row shows is not told
     if a is not None and b is not None and b < (1 - evidence.criteria.visible_change) * a:
         parts.append(f"the missing force falls from {a:.3g} % to {b:.3g} % {evidence.of_effort}")

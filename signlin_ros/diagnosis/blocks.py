@@ -1,0 +1,69 @@
+"""Mean squares over blocks of time, which two models share: by how much one leaves less than another, and how surely.
+
+Standard errors are those of the means of blocks; neighbouring blocks hardly go together, samples do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+MIN_DIVISOR = 1e-300
+"""What keeps a division from failing."""
+MIN_BLOCKS = 3
+"""Blocks from which a standard error is told."""
+MAX_T = 60.0
+"""Largest t ratio that is told: from there on it says nothing more."""
+
+
+@dataclass(frozen=True, eq=False)
+class BlockChange:
+    """Mean squares (blocks,) that two models leave of the same data, ``before`` and ``after``; NaN where nothing was
+    measured.
+    """
+
+    before: Array
+    after: Array
+
+    @property
+    def fall(self) -> float:
+        """By how much the mean square falls."""
+        return float(np.mean(self.before) - np.mean(self.after))
+
+    @property
+    def t_ratio(self) -> float:
+        """By how many standard errors the squares fall, see `mean_t_ratio`."""
+        return mean_t_ratio(self.before, self.after)
+
+    def rise_shows(self, visible: float) -> bool:
+        """Tell whether the RMS rises by more than a part ``visible``."""
+        return bool(np.nanmean(self.after) > (1.0 + visible) ** 2 * np.nanmean(self.before))
+
+    @property
+    def mean_rise_t(self) -> float:
+        """By how many standard errors the mean rises, whatever logarithms say."""
+        rise = self.after - self.before
+        error = float(np.nanstd(rise) / np.sqrt(max(int(np.count_nonzero(np.isfinite(rise))), 1)))
+        return float(np.nanmean(rise)) / (error + MIN_DIVISOR)
+
+
+def mean_t_ratio(before: Array, after: Array) -> float:
+    """Return by how many standard errors squares (blocks,) fall, at most 60: their mean, or that of their logarithms,
+    whichever is surer.
+    """
+    floor = 0.1 * before.mean() + MIN_DIVISOR
+    plain, shares = _t_ratio(before - after), _t_ratio(np.log((before + floor) / (after + floor)))
+    return min(max(plain, shares), MAX_T) if plain > 0 else max(plain, -MAX_T)
+
+
+def _t_ratio(values: Array) -> float:
+    if values.size < MIN_BLOCKS:
+        return 0.0
+    return float(values.mean() / (values.std(ddof=1) / np.sqrt(values.size) + MIN_DIVISOR))
+
+
+__all__ = ["MIN_DIVISOR", "BlockChange", "mean_t_ratio"]
