@@ -141,7 +141,7 @@ def test_a_simpler_rival_takes_the_place_only_of_what_is_no_sure_step_beyond_it(
         criteria=DEFAULT_CRITERIA,
         base=fitted(errs=50.0),
         force_rises=lambda before, after: False,
-        force_mse=lambda f: None,
+        force_change=lambda before, after: None,
     )
     known = {"implausible": [], "residual_is_noise": True}
     final = SimpleNamespace(effects=("stribeck_friction",), errs=0.0, n_parameters=3, log_mse=0.0, **known)
@@ -178,7 +178,7 @@ def held_against(errs, diverges=False, noise=True):
     given = evidence()
     given.base = with_models((), 50.0)
     given.cache = SimpleNamespace(keep=lambda *fits: None)
-    given.force_mse = lambda f: None
+    given.force_change = lambda before, after: None
     asked = []
 
     def fitted_from(effects, starts, within=None):
