@@ -17,8 +17,8 @@ JUMP_OVER_STEP, OF_ALL, LEAST_JUMPS, MAX_JUMP_SHARE = 10, 0.05, 3, 0.02
 QUANTILES = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95, 0.98)
 NEAR_EVENT_TIMES = (0.005, 0.01, 0.02, 0.03, 0.05, 0.1, 0.2)
 """Time in s within which a sample counts as near an event."""
-PATTERN_HARMONICS, PATTERN_SAMPLES = 1500, 3000
-"""Harmonics over the way at which a pattern is looked for, in so many samples."""
+PATTERN_HARMONICS, PATTERN_SAMPLES, HARMONICS_AT_ONCE = 1500, 3000, 32
+"""Harmonics over the way at which a pattern is looked for, in so many samples, and how many of them at once."""
 SLOW_PASSAGES = 0.1
 """Patterns are looked for down to what this slowest part of the samples resolves."""
 PATTERN_CLEAR, PATTERN_SHARE = 12, 0.04
@@ -125,13 +125,27 @@ def _period(scene: Scene, q: Array) -> tuple[float, float] | None:
         return None
     count = int(min(PATTERN_HARMONICS, 2 * span * (highest - lowest) / np.pi + 2))
     harmonics = np.linspace(lowest, min(highest, lowest + PATTERN_HARMONICS * np.pi / (2 * span)), count)
-    weight = 1.0 / (1.0 + (harmonics[:, None] * v * scene.resolution) ** 2)
-    waves = weight * np.exp(-1j * harmonics[:, None] * q)
-    amplitude = waves @ (value - value.mean())
-    explained = 2 * np.abs(amplitude) ** 2 / np.sum(weight**2, axis=1) / np.sum((value - value.mean()) ** 2)
+    value = value - value.mean()
+    amplitude, weight = _amplitudes(harmonics, q, v * scene.resolution, value)
+    explained = 2 * np.abs(amplitude) ** 2 / weight / np.sum(value**2)
     best = int(np.argmax(explained))
     clear = explained[best] > max(PATTERN_SHARE, PATTERN_CLEAR * float(np.median(explained)))
     return (float(harmonics[best]), float(np.angle(amplitude[best]))) if clear else None
+
+
+def _amplitudes(harmonics: Array, q: Array, turned: Array, value: Array) -> tuple[NDArray[np.complex128], Array]:
+    """Return the sums (K,) of w exp(-i N q) times a value (T,) for evenly spaced harmonics N (K,), and those of w^2; the
+    weights w fall with the phase N ``turned`` (T,) within a sample. Waves of a block of harmonics are those of the first
+    one, turned on: exp costs most of all.
+    """
+    found = np.zeros(harmonics.size, dtype=complex), np.zeros(harmonics.size)
+    apart = np.exp(-1j * (harmonics[:HARMONICS_AT_ONCE, None] - harmonics[0]) * q)
+    for at in range(0, harmonics.size, HARMONICS_AT_ONCE):
+        block = slice(at, at + HARMONICS_AT_ONCE)
+        weight = 1.0 / (1.0 + (harmonics[block, None] * turned) ** 2)
+        found[0][block] = (weight * apart[: len(weight)]) @ (np.exp(-1j * harmonics[at] * q) * value)
+        found[1][block] = np.sum(weight**2, axis=1)
+    return found
 
 
 SPLIT_FAMILIES: tuple[Callable[[Scene], Splits], ...] = (
