@@ -134,9 +134,10 @@ def _period(scene: Scene, q: Array) -> tuple[float, float] | None:
 
 
 def _amplitudes(harmonics: Array, q: Array, turned: Array, value: Array) -> tuple[NDArray[np.complex128], Array]:
-    """Return the sums (K,) of w exp(-i N q) times a value (T,) for evenly spaced harmonics N (K,), and those of w^2; the
-    weights w fall with the phase N ``turned`` (T,) within a sample. Waves of a block of harmonics are those of the first
-    one, turned on: exp costs most of all.
+    """Return the sums (K,) of w exp(-i N q) times a value (T,) for evenly spaced harmonics N (K,), and those of w^2.
+
+    The weights w fall with the phase N ``turned`` (T,) within a sample. The waves of a block of harmonics are those of
+    the first block, turned on: exp costs most of all.
     """
     found = np.zeros(harmonics.size, dtype=complex), np.zeros(harmonics.size)
     apart = np.exp(-1j * (harmonics[:HARMONICS_AT_ONCE, None] - harmonics[0]) * q)
