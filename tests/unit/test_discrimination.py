@@ -105,6 +105,24 @@ def test_a_rival_that_errs_as_little_is_not_decided():
     assert "viscous friction loses by 9.0 standard errors" in said
 
 
+def test_a_law_that_contains_what_is_named_is_excluded_from_a_size_on_and_does_not_lose_whatever_its_size():
+    """A play of 0.03 rad was the truth, and "backlash loses by 5.1 standard errors" stood beside "from 0.1 rad on"."""
+    final = SimpleNamespace(**vars(fitted("compliant_load")), n_parameters=3)
+    model = motor(backlash={"k": 6.0, "c": 0.01, "J": 6e-4, "gap": 0.1})
+    least = SimpleNamespace(**vars(fitted("backlash", errs=5.1)), model=model, n_parameters=4)
+
+    def at(share):
+        return 0.1 * share, least if share == 1.0 else None
+
+    play = RefittedRival(("backlash",), least, least, "backlash.gap", at=at)
+    far = rival("coulomb_friction", errs=9.0)
+    shown = SimpleNamespace(training=SimpleNamespace(shown=lambda unit: unit))
+    given = SimpleNamespace(**vars(evidence()), dataset=shown)
+    said = told(given, [play, far], final, Doubts())
+    assert "coulomb friction loses by 9.0 standard errors." in said
+    assert "Excluded is backlash with gap of 0.100 rad or more." in said
+
+
 def test_a_richer_law_must_lose_at_the_size_that_is_of_interest():
     lost = rival("stribeck_friction", errs=0.0, least=8.0, size="stribeck_friction.excess")
     assert undecided(evidence(), [lost], fitted("coulomb_friction")) == []

@@ -30,13 +30,14 @@ def told(evidence: Evidence, rivals: Sequence[RefittedRival], final: FittedModel
         parts.append(f"Not decided: {names}, refitted from the values of the plan, cannot be told from it")
     others = [r for r in rivals if r not in ties and r.effects and set(r.effects) != set(final.effects)]
     lost = [r for r in others if loses(evidence, r.least, final)]
-    if lost:
-        least = min(evidence.output_error.t_ratio(r.least, final) for r in lost)
-        names = listed(["+".join(r.effects) for r in lost])
-        what = f"{'loses' if len(lost) == 1 else 'lose'} by {least:.1f} standard errors" + " or more" * (len(lost) > 1)
+    bounds = [b if _holds(r, final) and (b := _bound(evidence, r, final)) else "" for r in lost]
+    whole, sizes = [r for r, b in zip(lost, bounds, strict=True) if not b], [b for b in bounds if b]
+    if whole:
+        least = min(evidence.output_error.t_ratio(r.least, final) for r in whole)
+        names, by = listed(["+".join(r.effects) for r in whole]), f"by {least:.1f} standard errors"
+        what = f"lose {by} or more" if len(whole) > 1 else f"loses {by}"
         parts.append(f"Refitted from the values of the plan {names} {what}")
-    bounds = [b for r in lost if _holds(r, final) and (b := _bound(evidence, r, final))]
-    parts += [f"Excluded is {joined(bounds)}"] if bounds else []
+    parts += [f"Excluded is {joined(sizes)}"] if sizes else []
     return " ".join(f"{part}." for part in parts)
 
 
