@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from signlin_ros.arms.verbs import ArmDiagnosis
 
 Array = NDArray[np.float64]
+WEIGH = "a record with a known weight off its axis (payload: in the file) tells it"
+"""How the gain of an effort is told that is nearly all friction."""
 
 
 def urdf_notes(study: Study) -> list[str]:
@@ -60,4 +62,23 @@ def unwritten(diagnosis: ArmDiagnosis) -> list[str]:
     return found
 
 
-__all__ = ["resized_notes", "unwritten", "urdf_notes"]
+def payload_alone(diagnosis: ArmDiagnosis) -> str:
+    """Return the sentence on a payload beside which nothing was fitted."""
+    value, error, unit = diagnosis.payload["m"]
+    said = (
+        f"payload on {diagnosis.comparison.study.payload_link}: {value:.3g} ± {error:.2g} {unit}, nothing else fitted"
+    )
+    return f"{said}: it is as right as the model, and as the gains of the efforts"
+
+
+def weighed_beside(diagnosis: ArmDiagnosis) -> list[str]:
+    """Return how a payload is weighed better than beside links whose masses are known to their tolerance only."""
+    if diagnosis.only_payload or not diagnosis.payload:
+        return []
+    study = diagnosis.comparison.study
+    said = f"payload: weighed beside links whose masses are known to {study.model.arm.tolerance:.0%}"
+    better = f"payload: {{on: {study.payload_link}, m: 0, tolerance: {{m: 5}}}}"
+    return [f"{said}; a model that was refined without a load weighs it alone, with {better}"]
+
+
+__all__ = ["WEIGH", "payload_alone", "resized_notes", "unwritten", "urdf_notes", "weighed_beside"]

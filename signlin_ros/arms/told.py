@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from signlin_ros.arms.foretold import foretold_json, forward_json, forward_text, speed_unit
-from signlin_ros.arms.notes import resized_notes, unwritten, urdf_notes
+from signlin_ros.arms.notes import WEIGH, payload_alone, resized_notes, unwritten, urdf_notes, weighed_beside
 from signlin_ros.arms.proposal import basic_of
 from signlin_ros.arms.search import DELAY, GAIN, SEEN_ELSEWHERE, Key, SearchResult
 from signlin_ros.arms.study import Study, unseen_noise
@@ -67,7 +67,7 @@ def diagnosed_json(diagnosis: ArmDiagnosis, text: str, source: str, data: list[s
     content["robot"] = {"payload": payload, "gains": gains, "couplings": couplings}
     content["robot"] |= _delays(diagnosis)
     content["robot"] |= {"tilt": _tilt(diagnosis)} if _tilt(diagnosis) else {}
-    content["notes"] += [*resized_notes(diagnosis), *unwritten(diagnosis)]
+    content["notes"] += [*resized_notes(diagnosis), *unwritten(diagnosis), *weighed_beside(diagnosis)]
     return {
         "verdict": verdict(diagnosis),
         **content,
@@ -158,8 +158,11 @@ def _too_small(diagnosis: ArmDiagnosis, i: int) -> list[str]:
     joint, found = study.robot.joints[i], []
     if "sensor_gain" in sizes:
         share = sizes["sensor_gain"]
-        most = "nearly all of it is friction, which scales along"
-        why = most if share >= 1.0 else f"by less than {100 * share:.2g} %"
+        why = (
+            f"nearly all of it is friction, which scales along; {WEIGH}"
+            if share >= 1.0
+            else f"by less than {100 * share:.2g} %"
+        )
         found.append(f"whether the gain of its effort is off, {why}")
     stiffness = 1.0 / sizes.get("compliant_load", np.inf)
     if stiffness > 0.0:
@@ -366,12 +369,10 @@ def _or(study: Study, found: SearchResult) -> str:
 
 
 def _robot(diagnosis: ArmDiagnosis, told: Sequence[tuple[int, str]]) -> str:
-    study = diagnosis.comparison.study
     said = [f"{a} and {b} are coupled: one motor turns with both" for a, b in diagnosis.couplings]
     said += [why for at, why in told if at < 0]
     if diagnosis.only_payload and diagnosis.payload:
-        value, error, unit = diagnosis.payload["m"]
-        said.append(f"payload on {study.payload_link}: {value:.3g} ± {error:.2g} {unit}, nothing else fitted")
+        said.append(payload_alone(diagnosis))
     gain = "" if any(f.key.law == GAIN for f in diagnosis.found) else "wrong gain, "
     return "; ".join(said) or f"no payload, {gain}delay, tilt or coupling is seen"
 

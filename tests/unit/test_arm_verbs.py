@@ -276,20 +276,25 @@ def test_a_report_has_a_row_and_pictures_of_every_joint(tmp_path, capsys):
     assert {p.name for p in (tmp_path / "arm_files").iterdir()} == {"left_over_time.png", "left_by_speed.png"}
 
 
-@pytest.mark.slow
-def test_a_gain_is_said_not_to_be_seen_where_friction_is_all_of_an_effort(tmp_path):
-    """A light wrist: what its motor shows is friction, and a gain scales that along."""
+def light_wrist(seeds, payload=None):
+    """Return a model whose last link hardly weighs, and records whose last effort shows 1.2 times what acts."""
     text = SMALL.with_suffix(".urdf").read_text()
-    light = text.replace('<mass value="1.0"/>', '<mass value="0.02"/>').replace(
-        '<mass value="0.25"/>', '<mass value="0.01"/>'
-    )
-    light = light.replace('iyy="0.006" iyz="0" izz="0.006"', 'iyy="0.001" iyz="0" izz="0.001"')
-    model = Model.from_dict({**MODEL.to_dict(), "robot": light})
+    for heavy, light in (("1.0", "0.02"), ("0.25", "0.01")):
+        text = text.replace(f'<mass value="{heavy}"/>', f'<mass value="{light}"/>')
+    text = text.replace('iyy="0.006" iyz="0" izz="0.006"', 'iyy="0.001" iyz="0" izz="0.001"')
+    model = Model.from_dict({**MODEL.to_dict(), "robot": text, **({"payload": payload} if payload else {})})
     runs = []
-    for seed in (21, 22):
+    for seed in seeds:
         t, q, v, u = record(model, seed)
         u[:, 2] *= 1.2
         runs.append(ArmRun(t, q, v, u, "simulated", np.zeros(3)))
+    return model, runs
+
+
+@pytest.mark.slow
+def test_a_gain_is_said_not_to_be_seen_where_friction_is_all_of_an_effort(tmp_path):
+    """A light wrist: what its motor shows is friction, and a gain scales that along."""
+    model, runs = light_wrist((21, 22))
     found_ = diagnose(model, runs[:1], runs[1:], 6.0)
     assert not found_.found
     sizes = {key.at: size for key, size in found_.detectable.items() if key.law == "sensor_gain"}
@@ -297,3 +302,12 @@ def test_a_gain_is_said_not_to_be_seen_where_friction_is_all_of_an_effort(tmp_pa
     assert sizes[1] < 0.2
     lines = diagnosed_json(found_, "", "", [])["joints"]["elbow"]["cannot_tell"]
     assert any("the gain of its effort is off" in line for line in lines)
+
+
+@pytest.mark.slow
+def test_a_known_weight_tells_the_gain_of_a_joint_whose_effort_is_friction():
+    model, runs = light_wrist((21, 22), {"on": "tool", "m": 1.5, "com": [0.1, 0.0, 0.0]})
+    found_ = diagnose(model, runs[:1], runs[1:], 6.0)
+    (law,) = found_.found
+    assert (law.key.law, law.key.at) == ("sensor_gain", 2)
+    assert 1.0 + law.values[0] == pytest.approx(1.2, abs=0.03)

@@ -11,7 +11,7 @@ import pytest
 
 from signlin_ros.arms.data import ArmRun, effort_step
 from signlin_ros.arms.laws import EXTRA, Loads, column, force
-from signlin_ros.arms.notes import unwritten
+from signlin_ros.arms.notes import unwritten, weighed_beside
 from signlin_ros.arms.piece import ArmSegment, RegressionRows
 from signlin_ros.arms.search import Key, settled
 from signlin_ros.arms.told import compared_json, diagnosed_json, effects_named, sentences
@@ -98,6 +98,7 @@ def test_a_payload_is_named_and_weighed(nothing_hidden):
     found = diagnose(MODEL, [first], [second], BAND)
     assert [f.key.law for f in found.found] == ["payload"]
     assert found.payload["m"][0] == pytest.approx(1.2, rel=0.1)
+    assert any("refined without a load weighs it alone" in note for note in weighed_beside(found))
     # links and payload are written apart, and weigh together what was fitted
     assert (found.comparison.table.model <= 1.02 * found.estimate.rms).all()
     assert min(least_eigenvalue(joint.pi) for joint in found.proposal.model.unloaded.joints) > 0.0
@@ -110,6 +111,8 @@ def test_a_payload_is_named_and_weighed(nothing_hidden):
     )
     alone = diagnose(asked, [first], [second], BAND)
     assert alone.only_payload
+    assert weighed_beside(alone) == []
+    assert "as right as the model" in sentences(alone)[-1]
     assert alone.payload["m"][0] == pytest.approx(1.2, rel=0.1)
     assert alone.proposal.model.arm.payload.m == pytest.approx(1.2, rel=0.1)
     left = alone.comparison.table
