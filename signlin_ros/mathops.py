@@ -11,6 +11,7 @@ An effect calls ``m.sign(v)``, ``m.abs(v)``, ``m.positive(x)`` ... and never ask
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -165,7 +166,7 @@ class Surface:
     label: str = ""
     size: float = 0.0
 
-    @property
+    @functools.cached_property
     def name(self) -> str:
         """The surface as text, e.g. ``speed`` or ``(displacement-hard_stop.gap)``."""
         return self.label or str(self.g)

@@ -102,17 +102,14 @@ def test_the_model_file_that_is_printed_has_gains_and_a_controller(folder: Path)
 @pytest.fixture
 def starts(graph: Any, folder: Path) -> Any:
     """Starts the command of a node as a page prints it, ``ros2 run signlin_ros NAME ...`` or by its path."""
-    from .conftest import BIN, Process
+    from .conftest import BIN
 
     def start(line: str, *more: str) -> Any:
         words = shlex.split(line)
         words = words[3:] if words[:3] == ["ros2", "run", "signlin_ros"] else [Path(words[0]).name, *words[1:]]
-        if words[0] == "signlin":
-            command = [sys.executable, "-m", "signlin_ros.cli", *words[1:], *more]
-        else:
-            command = [str(BIN / words[0]), *words[1:], *more]
-        graph.processes.append(Process(command, graph.folder / f"{len(graph.processes)}.log", graph.env))
-        return graph.processes[-1]
+        node = words[0] != "signlin"
+        run = [str(BIN / words[0])] if node else [sys.executable, "-m", "signlin_ros.cli"]
+        return graph.run([*run, *words[1:], *more], str(len(graph.processes)), copied=node)
 
     return start
 
