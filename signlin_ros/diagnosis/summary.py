@@ -149,6 +149,7 @@ def _named(evidence: Evidence, verdict: Verdict, effect: str, ties: tuple[str, .
     once = verdict.reason == "once" and effect in verdict.remembers
     once |= verdict.reason == "loop" and effect == verdict.loop
     once |= doubts.of(effect)
+    once |= not verdicts.shown_falls(evidence, verdict, verdict.without[effect], verdict.final)
     open_ones = [r.effects for r in (*doubts.undecided, *doubts.near)]
     ties = tuple(sorted({*ties, *(n for effects in open_ones for n in effects if n not in verdict.names)}))
     status = "ambiguous" if once or any(not _richer(t, effect) for t in ties) else "confirmed"

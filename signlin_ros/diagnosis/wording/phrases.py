@@ -67,8 +67,8 @@ def off_nominal(tolerances: float, ratio: float | None) -> str:
 
 
 def freed(name: str, tolerances: float) -> str:
-    """Return that a base parameter ends far from nominal without an effect."""
-    return f", but without it {name} {ends_off(tolerances)}"
+    """Return that a base parameter ends far from nominal without an effect, which is another way to see the same."""
+    return f", but without it {name} {ends_off(tolerances)}: either may be off"
 
 
 def ends_off(tolerances: float) -> str:

@@ -162,14 +162,19 @@ def _unsure(evidence: Evidence, verdict: Verdict) -> str:
 
 def falls(evidence: Evidence, verdict: Verdict, before: FittedModel, after: FittedModel) -> str:
     """Return by how much the errors on validation data fall from one model to another: the force, and the motion."""
+    parts = shown_falls(evidence, verdict, before, after)
+    return f"on validation data {joined(parts)}" if parts else f"validation data hardly show it{freed(before, after)}"
+
+
+def shown_falls(evidence: Evidence, verdict: Verdict, before: FittedModel, after: FittedModel) -> list[str]:
+    """Return what falls on validation data from one model to another, by as much as a table shows."""
     parts = []
     a, b = (
         shown_percent(evidence, f, force_left(evidence, f, verdict.final)) for f in (before, after)
     )  # what no row shows is not told
     if a is not None and b is not None and b < (1 - evidence.criteria.visible_change) * a:
         parts.append(f"the missing force falls from {a:.3g} % to {b:.3g} % {evidence.of_effort}")
-    parts = _errors_fall(evidence, before, after, parts)
-    return f"on validation data {joined(parts)}" if parts else f"validation data hardly show it{freed(before, after)}"
+    return _errors_fall(evidence, before, after, parts)
 
 
 def _errors_fall(evidence: Evidence, before: FittedModel, after: FittedModel, parts: list[str]) -> list[str]:
