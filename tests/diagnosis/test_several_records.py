@@ -46,8 +46,9 @@ def test_noise_is_not_told_from_where_one_record_ends_and_another_begins():
     assert min(alone) <= prepare(PENDULUM, data).noise[0] <= max(alone)
 
 
-@pytest.mark.limit("unexplained: forces are told in shares of an effort, which is 0; 33 s")
+@pytest.mark.slow
 def test_two_frictions_of_a_pendulum_that_nothing_drives_are_told_apart():
+    """Unexplained: in the regression all forces, with the inertia, shrank to nothing."""
     drag, dry = ("quadratic_drag", {"c2": 6e-4}), ("coulomb_friction", {"mu": 0.004})
     data = [let_go(seed, drag, dry) for seed in (1, 2, 3)]
     found = diagnose(PENDULUM.with_parameters({"m": 0.0125 * 1.02}), data[:2], data[2:])

@@ -179,10 +179,19 @@ def _regression(
     first, second = (RegressionData.of(model, pieces, list(base)[:-1]) for pieces in (known, unseen))
     found = laws(model, rotary or first.travel >= criteria.min_turns * 2 * np.pi, known[0].position_measured)
     tells = np.any(first.X != 0.0, axis=0)
+    tells &= [not (first.free and _moves_inertia(model, name)) for name in base]  # else all forces shrink to nothing
     tells[-1] = True
     first, second = (replace(side, X=side.X.compress(tells, axis=1)) for side in (first, second))
     names, spread = tuple(compress(base, tells)), np.array([*base.values()])[tells]
     return Regression(model, found, first, second, names, spread, criteria, current)
+
+
+def _moves_inertia(model: Model, name: str) -> bool:
+    """Tell whether a parameter changes the moving mass or inertia, beside which a machine that nothing drives tells of
+    all other forces.
+    """
+    value = model.parameters.get(name, 0.0)
+    return bool(value) and inertia(model.with_parameters({name: 2.0 * value})) != inertia(model)
 
 
 def _scale_of(model: Model, pieces: Sequence[ForceSegment]) -> Scale:
