@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +38,11 @@ MAX_NOISE_SAMPLES_LOOKED = 100_000
 """Samples of a stretch that its noise is taken from, at most."""
 STANDSTILL_SHARE = 1e-9
 """Part of its largest value within which a channel stands still."""
+FLOOR_ORDERS, NORMAL_QUARTILE, MIN_FLOOR_SAMPLES = (4, 8), 0.6745, 200
+"""Orders of the differences that tell white noise; median of the absolute value of a standard normal number; samples
+from which on both tell it to a few per cent."""
+MAX_FLOOR_DIFFERENCE, MAX_FLOOR_SHARE = 0.15, 0.3
+"""By how much they may differ; largest share of a signal that is noise."""
 MIN_NOISE_SHARE = 1e-6
 """Least noise of a channel, as a part of what it does."""
 
@@ -121,6 +127,23 @@ def fourth_difference_noise(*pieces: Array) -> float:
     """
     differences = np.concatenate([np.diff(values[np.isfinite(values)], 4) for values in pieces])
     return float(np.sqrt(np.mean(differences**2) / 70)) if differences.size else 0.0
+
+
+def white_floor(values: Array) -> float:
+    """Return the standard deviation of white noise on a measured signal (T,) that is smooth beside it; 0 where what
+    changes from sample to sample is no such noise: a command in steps, a motion as fast as the samples, a signal that
+    is little else.
+
+    Differences of different orders tell the same of white noise, and their median what their RMS tells.
+    """
+    found = values[np.isfinite(values)]
+    if found.size < MIN_FLOOR_SAMPLES:
+        return 0.0
+    orders = [np.diff(found, k) / np.sqrt(comb(2 * k, k)) for k in FLOOR_ORDERS]
+    low, high = (float(np.sqrt(np.mean(d**2))) for d in orders)
+    middle = float(np.median(np.abs(orders[1]))) / NORMAL_QUARTILE
+    alike = abs(low - high) <= MAX_FLOOR_DIFFERENCE * high and abs(middle - high) <= MAX_FLOOR_DIFFERENCE * high
+    return high if alike and high <= MAX_FLOOR_SHARE * float(np.std(found)) else 0.0
 
 
 def derivative_noise(level: float, order: int, cutoff: float, step: float) -> float:

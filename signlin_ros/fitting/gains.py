@@ -72,10 +72,28 @@ def _process_noise(model: Model, states: tuple[str, ...], noise: Sizes, speed: f
     return wander**2
 
 
-def design(model: Model, noise: Sizes, sizes: Sizes, dt: float, tau: float, known: Sizes) -> ObserverGains:
-    """Return the Kalman gains of the base model for a time constant tau (s); ``known``: how well states begin known."""
+def input_variances(model: Model, channels: tuple[str, ...], sigma: Array, dt: float) -> Array:
+    """Return the variances (n,) that white noise of the inputs, held between samples, adds to the states in a step;
+    ``sigma`` (m,): its standard deviations.
+    """
+    plain, (states, A, _) = bare(model), linear_base(model, channels)
+    n, m = len(states), len(plain.inputs)
+    u, y, rest = np.vstack([np.zeros(m), np.eye(m)]), np.zeros((m + 1, len(channels))), np.zeros((m + 1, n))
+    rates, _, _ = Tracker(plain, np.arange(m + 1.0), u, y, channels, np.ones(n)).linearized(rest)
+    whole = np.zeros((n + m, n + m))
+    whole[:n] = np.column_stack([A, (rates[1:] - rates[0]).T])
+    return np.asarray(expm(whole * dt)[:n, n:] ** 2 @ sigma**2)
+
+
+def design(
+    model: Model, noise: Sizes, sizes: Sizes, dt: float, tau: float, known: Sizes, inputs: Array | None = None
+) -> ObserverGains:
+    """Return the Kalman gains of the base model for a time constant tau (s); ``known``: how well states begin known;
+    ``inputs`` (n,): variances that a step adds for inputs that are not better known, where these are larger.
+    """
     states, A, C = linear_base(model, tuple(noise))
     added = _process_noise(model, states, noise, sizes.get(model.plant.velocity, 1.0), dt, tau)
+    added = added if inputs is None else np.maximum(added, inputs)
     first = {s: INITIAL_VARIANCE * noise[s] ** 2 if s in noise else sizes.get(s, 1.0) ** 2 for s in states}
     begun = np.array([min(first[s], known.get(s, np.inf) ** 2) for s in states])
     values, variances, seen = (
@@ -101,4 +119,4 @@ def time_constants(dt: float, duration: float, horizon: float) -> tuple[float, .
     return (high, middle, float(np.sqrt(middle * low)), low)
 
 
-__all__ = ["ObserverGains", "design", "linear_base", "time_constants", "uncorrected"]
+__all__ = ["ObserverGains", "design", "input_variances", "linear_base", "time_constants", "uncorrected"]

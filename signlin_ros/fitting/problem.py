@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.comparison.equations import inertia
 from signlin_ros.errors import RecordError
-from signlin_ros.fitting.gains import ObserverGains, design, time_constants, uncorrected
+from signlin_ros.fitting.gains import ObserverGains, design, input_variances, time_constants, uncorrected
 from signlin_ros.follow.data import Early, cut, measured_channels, travelled
 from signlin_ros.follow.segments import (
     PreparedSegment,
@@ -25,7 +25,7 @@ from signlin_ros.follow.segments import (
 from signlin_ros.follow.tracking import TrackedRun, Tracker, filled
 from signlin_ros.mathops import NumpyMath
 from signlin_ros.model import Model
-from signlin_ros.noise import moving, noise_level, quantum_of, white_noise
+from signlin_ros.noise import moving, noise_level, quantum_of, white_floor, white_noise
 from signlin_ros.plants import Plant
 from signlin_ros.plants.dc_motor import quasi_static_current
 from signlin_ros.recording.trace import rotary_unit
@@ -48,7 +48,7 @@ class Problem:
     the records; ``quanta`` (ny): steps in which a channel is shown, or 0; ``parts``: records without gaps, as given;
     ``folds``: of validation data that are known ones too, which segments are held out together, in turn;
     ``force_observers``: gains of what watches motion for a force that is missing, where ``observer_gains`` are of free
-    runs.
+    runs; ``input_noise`` (m,): standard deviations by which inputs are not known, which all observers allow for.
     """
 
     base: Model
@@ -65,6 +65,7 @@ class Problem:
     parts: tuple[ModelData, ...] = ()
     folds: tuple[tuple[int, ...], ...] = ()
     force_observers: tuple[ObserverGains, ...] = ()
+    input_noise: Array = field(default_factory=lambda: np.zeros(0))
 
     @property
     def plant(self) -> type[Plant]:
@@ -109,15 +110,6 @@ class Problem:
     def rotary(self) -> bool:
         """Whether a plant of forces and displacements stands for one of torques and angles."""
         return self.plant.position_unit == "m" and self.units.get(self.plant.position) == "rad"
-
-    @functools.cached_property
-    def input_steps(self) -> Array:
-        """The step (m,) in which every input was recorded; 0 where there is none, or where it has so few levels that
-        somebody set them.
-        """
-        every = np.concatenate([s.u for s in self.segments])
-        steps = np.array([quantum_of(values[np.isfinite(values)]) for values in every.T])
-        return np.where(np.nanstd(every, axis=0) >= MIN_ROUNDED_STEPS * steps, steps, 0.0)
 
     @property
     def max_wave_order(self) -> float:
@@ -206,7 +198,9 @@ def prepare(model: Model, data: Sequence[ModelData], channels: tuple[str, ...] |
     X, u = np.concatenate([run.state for _, run in pairs]), np.concatenate([s.u for s in segments])
     peaks = np.nanmax(np.abs(X), axis=0)
     x_scale = {name: float(max(peak, 1e-9)) for name, peak in zip(model.states, peaks, strict=True)}
-    levels = tuple(design(model, white, x_scale, dt, tau, known) for tau in taus)
+    unknown = _unknown_of(u) * (not (model.plant.closed_loop or model.plant.motion_is_imposed()))
+    added = input_variances(model, channels, unknown, dt) if unknown.any() else None
+    levels = tuple(design(model, white, x_scale, dt, tau, known, added) for tau in taus)
     observers, levels = levels, (uncorrected(model.states, len(channels)),) * 2 if model.plant.closed_loop else levels
     columns = dict(zip((*model.states, *model.inputs), (*X.T, *u.T), strict=True))
     ranges = {name: (float(np.nanmin(v)), float(np.nanmax(v))) for name, v in columns.items()}
@@ -224,7 +218,18 @@ def prepare(model: Model, data: Sequence[ModelData], channels: tuple[str, ...] |
         units,
         quanta(segments),
         force_observers=observers,
+        input_noise=unknown,
     )
+
+
+def _unknown_of(u: Array) -> Array:
+    """Return the standard deviations (m,) by which inputs u (T, m) are not known: the noise of what was measured, or
+    the rounding to a step, unless that is so large that somebody set the levels; 0 of a command.
+    """
+    columns = [values[np.isfinite(values)] for values in u.T]
+    steps = np.array([quantum_of(values) for values in columns])
+    rounded = np.where(np.nanstd(u, axis=0) >= MIN_ROUNDED_STEPS * steps, steps, 0.0)
+    return np.asarray(np.maximum([white_floor(values) for values in columns], rounded / np.sqrt(12.0)))
 
 
 def _speed_of(model: Model, segments: Sequence[PreparedSegment], channels: tuple[str, ...]) -> dict[str, float]:

@@ -8,7 +8,7 @@ dozens of such functions, each as the observer would have left it, and judged by
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import ceil
 
 import numpy as np
@@ -39,8 +39,6 @@ FADING_SPEEDS = (0.1, 0.03)
 ABOUT, NEAR_ALL = 0.9, 0.99
 """Part of the sensor's variance from which on a residual is about as large: far less, and that noise is overrated; part
 of a response that counts as nearly all of it."""
-ROUNDINGS = 9
-"""Random roundings of the inputs that are tried: what a record leaves is beyond all of them in one case of ten."""
 
 
 @dataclass(frozen=True)
@@ -48,8 +46,8 @@ class ResidualStructure:
     """Tests of a channel's residual: RMS in multiples of the sensor's noise, the share of its square that follows from
     the model's motion (NaN: too few samples to tell), whether it has structure, and how many samples are correlated.
 
-    The sensor's noise is white; inputs that are recorded in steps add a noise that the motion gathers, which is
-    correlated and follows from no motion: a residual that is no larger than both has no structure.
+    The sensor's noise is white. Inputs that are recorded with noise, or in steps, add one that the motion gathers: an
+    observer that allows for it leaves white noise of a right model, larger than the sensor's.
     """
 
     channel: str
@@ -66,36 +64,13 @@ def residual_tests(problem: Problem, f: Fit, criteria: Criteria) -> tuple[Residu
     f, lost = slow or f, slow is None
     result: list[ResidualStructure] = []
     found, shares = colours(f.innovations, problem.noise), dependence(problem, f).tolist()
-    rounded: Array | None = None
     for channel, one, share, noise in zip(problem.channels, found, shares, problem.noise.tolist(), strict=True):
         over = float(np.sqrt(one.variance) / noise)
         noisy = ABOUT < over**2 < 1.0 + criteria.max_dependent_share
         dependent = share > criteria.max_dependent_share
         structured = lost or (not noisy and (one.structured or dependent))
-        if structured and not lost and not dependent:
-            rounded = of_rounded_inputs(problem, f) if rounded is None else rounded
-            of_inputs = rounded[len(result)] / noise
-            structured = over**2 > (1.0 + of_inputs**2) * (1.0 + criteria.max_dependent_share)
         result.append(ResidualStructure(channel, over, share, bool(structured), one.together))
     return tuple(result)
-
-
-def of_rounded_inputs(problem: Problem, f: Fit) -> Array:
-    """Return the RMS (ny,) by which innovations change where inputs that are recorded in steps are moved within half of
-    one, the largest of `ROUNDINGS`; 0 where no input is.
-    """
-    steps, none = problem.input_steps, np.zeros(len(problem.channels))
-    followed = follow_records(problem, f.candidate.started_for(f.gains.tau), f.theta, f.gains, False)
-    if not steps.any() or followed is None:
-        return none
-    random, largest = np.random.default_rng(0), none
-    for _ in range(ROUNDINGS):
-        moved = [replace(s, u=s.u + steps * random.uniform(-0.5, 0.5, s.u.shape)) for s in problem.segments]
-        run = follow_records(problem, f.candidate.started_for(f.gains.tau), f.theta, f.gains, False, moved)
-        if run is not None:
-            apart = np.concatenate([a - b for a, b in zip(run[0], followed[0], strict=True)])
-            largest = np.maximum(largest, np.sqrt(np.nanmean(apart**2, axis=0)))
-    return largest
 
 
 def dependence(problem: Problem, f: Fit) -> Array:
@@ -199,4 +174,4 @@ def _predicted(Z: Array, y: Array, fold: NDArray[np.int_]) -> Array:
     return np.asarray(1.0 - left / np.maximum(np.sum(y**2, axis=0), 1e-300))
 
 
-__all__ = ["ResidualStructure", "dependence", "of_rounded_inputs", "residual_tests"]
+__all__ = ["ResidualStructure", "dependence", "residual_tests"]

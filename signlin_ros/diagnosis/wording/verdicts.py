@@ -52,11 +52,12 @@ def sentence(evidence: Evidence, verdict: Verdict) -> str:
             "check that sign before anything else."
         )
     first = _first(verdict)
+    inputs = _of_inputs(evidence, verdict)
     if verdict.label == "adequate":
-        return f"{first}{NOTHING_MISSING}{_left_over(evidence, verdict)}.{_motion_left(evidence, verdict)}"
+        return f"{first}{NOTHING_MISSING}{_left_over(evidence, verdict)}.{_motion_left(evidence, verdict)}{inputs}"
     if verdict.label == "missing":
         what = falls(evidence, verdict, verdict.base, verdict.final)
-        return f"{first}The model lacks {listed(verdict.names)}: {what}.{remainder(evidence, verdict)}"
+        return f"{first}The model lacks {listed(verdict.names)}: {what}.{remainder(evidence, verdict)}{inputs}"
     return f"{first}{_unexplained(evidence, verdict)}"
 
 
@@ -230,6 +231,17 @@ def _motion_left(evidence: Evidence, verdict: Verdict) -> str:
     most, name = max(zip(times, evidence.dataset.training.channels, strict=True))
     alone = ": no other listed effect takes that away" if verdict.alone else ""
     return f" Over {evidence.dataset.horizon:.3g} s, {name} errs by {most:.3g} times its sensor's noise{alone}."
+
+
+def _of_inputs(evidence: Evidence, verdict: Verdict) -> str:
+    """Return that what is left is what noise of the inputs makes of the motion, where that is what lets it pass."""
+    problem = evidence.dataset.training
+    if not problem.input_noise.any() or not verdict.final.white or evidence.near_noise(verdict.final):
+        return ""
+    units = (problem.shown(problem.units.get(name, "")) for name in problem.base.inputs)
+    sizes = zip(problem.base.inputs, problem.input_noise.tolist(), units, strict=True)
+    noisy = [f"the {name} ({size:.2g} {unit})" for name, size, unit in sizes if size]
+    return f" What is left goes on as noise of {joined(noisy)} does that the motion gathers."
 
 
 def _left_over(evidence: Evidence, verdict: Verdict) -> str:
