@@ -134,15 +134,14 @@ def white_floor(values: Array) -> float:
     changes from sample to sample is no such noise: a command in steps, a motion as fast as the samples, a signal that
     is little else.
 
-    Differences of different orders tell the same of white noise, and their median what their RMS tells.
+    Differences of different orders tell the same of white noise; their medians pass over seldom steps.
     """
     found = values[np.isfinite(values)]
     if found.size < MIN_FLOOR_SAMPLES:
         return 0.0
-    orders = [np.diff(found, k) / np.sqrt(comb(2 * k, k)) for k in FLOOR_ORDERS]
-    low, high = (float(np.sqrt(np.mean(d**2))) for d in orders)
-    middle = float(np.median(np.abs(orders[1]))) / NORMAL_QUARTILE
-    alike = abs(low - high) <= MAX_FLOOR_DIFFERENCE * high and abs(middle - high) <= MAX_FLOOR_DIFFERENCE * high
+    sizes = [float(np.median(np.abs(np.diff(found, k)))) / np.sqrt(comb(2 * k, k)) for k in FLOOR_ORDERS]
+    low, high = sizes[0] / NORMAL_QUARTILE, sizes[1] / NORMAL_QUARTILE
+    alike = abs(low - high) <= MAX_FLOOR_DIFFERENCE * high
     return high if alike and high <= MAX_FLOOR_SHARE * float(np.std(found)) else 0.0
 
 

@@ -48,7 +48,8 @@ class Problem:
     the records; ``quanta`` (ny): steps in which a channel is shown, or 0; ``parts``: records without gaps, as given;
     ``folds``: of validation data that are known ones too, which segments are held out together, in turn;
     ``force_observers``: gains of what watches motion for a force that is missing, where ``observer_gains`` are of free
-    runs; ``input_noise`` (m,): standard deviations by which inputs are not known, which all observers allow for.
+    runs; ``input_noise`` (m,): standard deviations by which inputs are not known; where they are not, the
+    last observer is the slowest that allows for it.
     """
 
     base: Model
@@ -199,8 +200,10 @@ def prepare(model: Model, data: Sequence[ModelData], channels: tuple[str, ...] |
     peaks = np.nanmax(np.abs(X), axis=0)
     x_scale = {name: float(max(peak, 1e-9)) for name, peak in zip(model.states, peaks, strict=True)}
     unknown = _unknown_of(u) * (not (model.plant.closed_loop or model.plant.motion_is_imposed()))
-    added = input_variances(model, channels, unknown, dt) if unknown.any() else None
-    levels = tuple(design(model, white, x_scale, dt, tau, known, added) for tau in taus)
+    levels = tuple(design(model, white, x_scale, dt, tau, known) for tau in taus)
+    if unknown.any():
+        added = input_variances(model, channels, unknown, dt)
+        levels = (*levels, design(model, white, x_scale, dt, taus[-1], known, added))
     observers, levels = levels, (uncorrected(model.states, len(channels)),) * 2 if model.plant.closed_loop else levels
     columns = dict(zip((*model.states, *model.inputs), (*X.T, *u.T), strict=True))
     ranges = {name: (float(np.nanmin(v)), float(np.nanmax(v))) for name, v in columns.items()}

@@ -137,6 +137,7 @@ class Motion:
             segments=(SimpleNamespace(y=np.outer((-SPREAD, SPREAD), np.ones(len(channels)))),),
             noise=np.full(len(channels), NOISE),
             quanta=np.zeros(len(channels)),
+            input_noise=np.zeros(1),
             turns=True,
         )
         self.validation = self.training
@@ -768,7 +769,8 @@ def test_why_more_than_the_sensors_noise_counts_as_noise(clean, curve, told):
     """ "Adequate: the force that is left is 2.93 % of the effort, the sensors' noise 0.796 %", and not why."""
     left = [SimpleNamespace(dependent=0.001), SimpleNamespace(dependent=0.004)]
     final = SimpleNamespace(residual_is_noise=clean, residual_tests=left, validation_rmse=np.array([0.03, 0.46]))
-    sensors, channels = {"current": 0.01, "speed": 0.1}, SimpleNamespace(channels=("current", "speed"))
+    sensors = {"current": 0.01, "speed": 0.1}
+    channels = SimpleNamespace(channels=("current", "speed"), input_noise=np.zeros(1))
     dataset = SimpleNamespace(horizon=0.2, training=channels, noise=sensors)
     seen = SimpleNamespace(
         force_noise_percent=0.796, near_noise=lambda f: False, of_effort="of the effort", dataset=dataset

@@ -58,7 +58,9 @@ class ResidualStructure:
 
 
 def residual_tests(problem: Problem, f: Fit, criteria: Criteria) -> tuple[ResidualStructure, ...]:
-    """Return tests of a fit's residual by channel under the slowest observer: a quick one hides what is missing."""
+    """Return tests of a fit's residual by channel under the slowest observer, a quick one hides what is missing; where
+    inputs are not better known, under the slowest that allows for that.
+    """
     lowest = problem.observer_gains[-1]
     slow = f if f.gains is lowest else fit(problem, f.candidate, lowest, f.theta, 0)
     f, lost = slow or f, slow is None
