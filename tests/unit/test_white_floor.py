@@ -15,7 +15,7 @@ STEPS = np.repeat(RNG.normal(size=400), 10)
 
 
 @pytest.mark.parametrize("share", [0.005, 0.02, 0.1])
-@pytest.mark.parametrize("signal", [SMOOTH, np.repeat(np.sign(RNG.normal(size=80)), 50)], ids=["smooth", "levels"])
+@pytest.mark.parametrize("signal", [SMOOTH, np.repeat(np.sign(RNG.normal(size=20)), 200)], ids=["smooth", "levels"])
 def test_the_noise_of_a_measured_input_is_found(signal, share):
     noisy = signal + share * signal.std() * RNG.normal(size=signal.size)
     assert white_floor(noisy) == pytest.approx(share * signal.std(), rel=0.1)
