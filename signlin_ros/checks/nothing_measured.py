@@ -83,7 +83,7 @@ class NothingMeasured(Check):
         sentence = f"the {name} is nothing ({_size(look, name, most)}) while the {moving} changes"
         why = f"the driver does not report it; map the column of what drives it, --signal {name}=COLUMN"
         if most > 0.0 or _tiny(look.record, name) or _driven(look):
-            return Finding(self.name, name, "refuse", f"{sentence}: {why}")
+            return Finding(self.name, name, "refuse", f"{sentence}: {why}, or say that nothing does, --signal {name}=0")
         return self.note(name, f"{sentence}: nothing drives the machine, or {why}")
 
 
