@@ -8,7 +8,7 @@ from signlin_ros.checks.base import Check
 from signlin_ros.checks.finding import Finding
 from signlin_ros.checks.look import Look
 
-FAULTS = ("sorted", "cut", "repeated", "truncated", "gap", "filled", "missing", "undefined", "assumed", "nothing")
+MENDED_KINDS = ("sorted", "cut", "repeated", "truncated", "gap", "filled", "missing", "undefined", "assumed", "nothing")
 """Kinds of notes of a reader (`signlin_ros.records`) that tell of a fault which it put right."""
 
 
@@ -25,5 +25,5 @@ class AsRead(Check):
         """Yield notes of the reader that tell of faults."""
         for note in look.record.notes:
             kind, channel = getattr(note, "kind", ""), getattr(note, "channel", "")
-            if kind in FAULTS:
+            if kind in MENDED_KINDS:
                 yield Finding(kind, channel, "note", str(note))

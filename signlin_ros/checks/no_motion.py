@@ -10,7 +10,7 @@ from signlin_ros.checks.base import Check
 from signlin_ros.checks.finding import Finding
 from signlin_ros.checks.look import MIN_SAMPLES, Look
 
-LARGER = 1.5
+MIN_MOVING_VARIANCE = 1.5
 """Variance beyond which, in multiples of the noise's, a channel moves."""
 COUNTS = 2.5
 """Steps of a coarse sensor within which it rests."""
@@ -21,9 +21,9 @@ MAX_RESIDUAL_SHARE = 0.7
 class NoMotion(Check):
     """The drive never moved beyond the noise of its sensors: no effect of a motion can be named.
 
-    Test: the variance of position and velocity is no more than `LARGER` times that of their noise, as their finest
-    differences show it. Of white noise the ratio is 1 within 3 / sqrt(T): 200 samples exceed 1.5 in one of 10^5
-    records. Cure: another record.
+    Test: the variance of position and velocity is no more than `MIN_MOVING_VARIANCE` times that of their noise, as
+    their finest differences show it. Of white noise the ratio is 1 within 3 / sqrt(T): 200 samples exceed 1.5 in one of
+    10^5 records. Cure: another record.
     """
 
     name = "no_motion"
@@ -66,4 +66,4 @@ def _rests(look: Look, name: str) -> bool:
     p = look.predicted
     if p is not None and name in p.channels and p.shares()[p.channels.index(name)] < MAX_RESIDUAL_SHARE:
         return False
-    return bool(np.var(values) <= LARGER * noise.sigma**2)
+    return bool(np.var(values) <= MIN_MOVING_VARIANCE * noise.sigma**2)

@@ -29,7 +29,7 @@ MIN_COMMAND_CORRELATION = 0.7
 """Least correlation of both as they stand: a force on a mass leads to one near nothing, or to an opposite one."""
 STRICT_PART = 0.2
 """Part of both limits for a column that is called a force."""
-HELD, REST_SPEED_PART = 0.05, 0.5
+MAX_HELD_CHANGE, REST_SPEED_PART = 0.05, 0.5
 """Part of its spread that an input changes by at most while it is held; part of its usual speed that rests."""
 MIN_HELD_SAMPLES = (6, 8, 10, 12, 16, 24)
 """Samples that it is held at least."""
@@ -154,7 +154,7 @@ def _ends(u: Array, x: Array) -> Array:
     spread = float(u.std())
     if spread == 0.0 or not np.isfinite(x).all():
         return np.zeros((0, 3))
-    edges = np.concatenate([[0], np.flatnonzero(np.abs(np.diff(u)) > HELD * spread) + 1, [u.size]])
+    edges = np.concatenate([[0], np.flatnonzero(np.abs(np.diff(u)) > MAX_HELD_CHANGE * spread) + 1, [u.size]])
     speed = np.abs(np.gradient(x))
     usual = float(np.sqrt(np.mean(speed**2)))
     last, long = edges[1:] - 1, np.diff(edges)

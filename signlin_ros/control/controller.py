@@ -66,7 +66,7 @@ class ControllerSettings:
         return holding(design, model, task, tuning, self.bandwidth)
 
 
-class Ahead:
+class FeedForward:
     """What a design feeds forward, step by step: the mean over the time in which the input acts.
 
     The reference goes on with the acceleration that it has; states of hysteresis and bristles go with it.
@@ -106,7 +106,7 @@ class Controller:
         self.model, self.settings, self.task = model, settings, settings.task(model)
         self.tuning = settings.tuning(design, model, self.task)
         self.law = design.law(model, self.task, self.tuning)
-        self._running, self._ahead = RunningLaw(self.law), Ahead(design, model, self.task, self.tuning)
+        self._running, self._ahead = RunningLaw(self.law), FeedForward(design, model, self.task, self.tuning)
         self._foretold = ForetoldLoop(model, self.task, self.law)
         self.reset(np.zeros(2))
         self.step(np.zeros(3), np.zeros(2))  # what is compiled is compiled before time counts

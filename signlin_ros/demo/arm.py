@@ -40,7 +40,7 @@ RATE, PERIOD, LEAST = 50.0, 0.1, 0.5
 """Commands and states per second; seconds for which a linearizer's model is held; part of the states that must come."""
 LOOP_STIFFNESS, LOOP_DAMPING = np.array([20.0, 30.0, 8.0]), np.array([3.0, 5.0, 1.2])
 """Of the controller, in N·m/rad and N·m·s/rad: soft, since commands may be late."""
-BAND, MAX_ARM_WAIT, RUNAWAY = 6.0, 120.0, 20.0
+BAND, MAX_ARM_WAIT, MAX_ARM_SPEED = 6.0, 120.0, 20.0
 """Hz of the diagnosis; seconds to wait for a node; rad/s that no motion here has."""
 
 
@@ -148,7 +148,7 @@ class Operator:
             many = f"{len(self.rows)} of {RATE * seconds:.0f} states came"
             raise DemoError(f"{many}: this machine is too busy for an arm in real time")
         table, n = np.array(self.rows), len(self.names)
-        if np.abs(table[:, 1 + n : 1 + 2 * n]).max() > RUNAWAY:
+        if np.abs(table[:, 1 + n : 1 + 2 * n]).max() > MAX_ARM_SPEED:
             raise DemoError("the arm ran away: this machine is too busy, and commands came too late")
         even = np.arange(table[0, 0], table[-1, 0], 1.0 / RATE)
         columns = [np.interp(even, table[:, 0], column) for column in table[:, 1:].T]

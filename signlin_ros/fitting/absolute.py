@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 STARTS, APART = 8, 0.15
 """Starts of a fit, since a run that sticks has many local minima, and how far apart they are, in coordinates, or of
 their standard error of the prior where that is less."""
-STEPS, ENDS, MAX_DAMPING = 25, 1e-3, 1e6
+STEPS, MIN_OBJECTIVE_FALL, MAX_DAMPING = 25, 1e-3, 1e6
 """Most steps of a fit; the fall of -2 log likelihood at which it ends; damping from which on a step is none."""
 
 
@@ -53,7 +53,7 @@ def _descended(problem: Problem, c: Candidate, theta: Array) -> tuple[float, Arr
             damping *= 10.0
             continue
         gained, theta, now, damping = now[0] - trial[0], new, trial, max(damping / 8.0, 1e-9)
-        if gained < ENDS:
+        if gained < MIN_OBJECTIVE_FALL:
             break
     return (now[0], theta) if now else None
 

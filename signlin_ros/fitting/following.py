@@ -177,7 +177,8 @@ def _record_start(problem: Problem, c: Candidate, s: PreparedSegment, tau: float
         arguments: tuple[Any, ...] = (s.t[:size], u, s.y[:size], rows, x, *others, E, none, X)
         if follow(*fixed, *arguments) < size:
             E[:] = np.inf
-        return np.nan_to_num(E / problem.noise, posinf=1e150).ravel(), X
+        e = (E / problem.noise).ravel()
+        return e if np.isfinite(e).all() else np.nan_to_num(e, posinf=1e150), X
 
     size, longer, position = min(s.t.size, MAX_START_SAMPLES), 0, problem.base.plant.position
     if position not in s.start and position in c.model.states:

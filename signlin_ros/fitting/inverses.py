@@ -9,7 +9,7 @@ Array = NDArray[np.float64]
 MIN_LM_DAMPING = 1e-12
 """Damping, relative to the diagonal, of an undamped step: about where rounding swallows what is known of a
 direction."""
-NOTHING = 1e-150
+MIN_INFORMATION = 1e-150
 """Information below which nothing is known of a coordinate: the product of two such units is beyond all numbers."""
 
 
@@ -19,7 +19,7 @@ def units_of(information: Array) -> Array:
     van der Sluis, Numer. Math. 14 (1969) 14].
     """
     diagonal = np.diag(information)
-    return np.asarray(1.0 / np.sqrt(np.where(diagonal > NOTHING, diagonal, 1.0)))
+    return np.asarray(1.0 / np.sqrt(np.where(diagonal > MIN_INFORMATION, diagonal, 1.0)))
 
 
 def covariance_of(information: Array) -> Array:

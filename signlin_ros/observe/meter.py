@@ -11,7 +11,7 @@ from signlin_ros.noise import quantum_of, smooth_noise
 
 Array = NDArray[np.float64]
 
-WINDOW = 512
+MAX_METER_SAMPLES = 512
 """Samples that an estimate is made of at most."""
 ESTIMATE_INTERVAL = 128
 """Samples from one estimate to the next at most."""
@@ -36,7 +36,7 @@ class NoiseMeter:
     def __init__(self, known: float | None = None) -> None:
         self.sigma = 1e-9 if known is None else known
         self._known = known is not None
-        self._samples: deque[tuple[float, float]] = deque(maxlen=WINDOW)
+        self._samples: deque[tuple[float, float]] = deque(maxlen=MAX_METER_SAMPLES)
         self._count, self._next, self._quantum = 0, MIN_METER_SAMPLES, np.inf
         self._found: deque[float] = deque(maxlen=MAX_METER_ESTIMATES)
 

@@ -34,7 +34,7 @@ TRIES = 14
 """Values of its number that a hypothesis of one number is tried at."""
 MAX_EVALUATIONS = 60
 """and that one of several numbers is tried at."""
-GAIN = 30.0
+MIN_LIKELIHOOD_GAIN = 30.0
 """Logarithm of the likelihood ratio that each number of a hypothesis must gain, and that tells two hypotheses apart."""
 KEPT = 0.5
 """Share of its gain that a hypothesis must not have had before the change already."""
@@ -116,7 +116,7 @@ def _likeliest(found: Iterable[Named]) -> list[Named]:
         if named.name not in best or named.gain > best[named.name].gain:
             best[named.name] = named
     most = max((named.gain for named in best.values()), default=0.0)
-    return [named for named in best.values() if named.gain > most - GAIN]
+    return [named for named in best.values() if named.gain > most - MIN_LIKELIHOOD_GAIN]
 
 
 @dataclass(frozen=True)
@@ -225,12 +225,12 @@ class _Scores:
     def _explained(self, now: _Score, then: _Score) -> float:
         """Return the share of the excess over the usual that a hypothesis takes away; 0 where there is hardly any."""
         excess = now.excess(self.usual)
-        return (excess - then.excess(self.usual)) / excess if excess > GAIN else 0.0
+        return (excess - then.excess(self.usual)) / excess if excess > MIN_LIKELIHOOD_GAIN else 0.0
 
     # ---------------------------------------------------------------- another machine
 
     def _other_machine(self, h: Hypothesis) -> Named | None:
-        price = GAIN * len(h.low)
+        price = MIN_LIKELIHOOD_GAIN * len(h.low)
         if self.now.excess(self.usual) <= price:
             return None
         values = self._best(h)
@@ -291,7 +291,7 @@ class _Scores:
         """
         first = self.since.t[0] - CHANGE_TOLERANCE
         moment = self._scored(self._moment, Changed(self.model), first)
-        if moment.excess(self.usual) <= GAIN:
+        if moment.excess(self.usual) <= MIN_LIKELIHOOD_GAIN:
             return None
 
         def cost(size: float, apart: float) -> float:
@@ -304,11 +304,11 @@ class _Scores:
         made = h.made(size)
         shifted, rest = self._scored(self._moment, made, first, apart), self._since(made)
         explained = self._explained(moment, shifted)
-        left = rest.excess(self.usual) > max((1 - MIN_EXPLAINED) * moment.excess(self.usual), GAIN)
+        left = rest.excess(self.usual) > max((1 - MIN_EXPLAINED) * moment.excess(self.usual), MIN_LIKELIHOOD_GAIN)
         gain = shifted.likelihood - moment.likelihood
-        if explained < MIN_EXPLAINED or left or gain <= GAIN:
+        if explained < MIN_EXPLAINED or left or gain <= MIN_LIKELIHOOD_GAIN:
             return None
-        gain += rest.likelihood - self.now.likelihood - GAIN
+        gain += rest.likelihood - self.now.likelihood - MIN_LIKELIHOOD_GAIN
         return Named(h.name, size, h.unit, gain, "", min(explained, 1.0))
 
     def _steps(self, channel: str) -> list[tuple[float, float]]:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 PLAN_FILES = re.compile(r"next_\d+\.(csv|rivals\.json|trajectory\.yaml)")
 """The names of a plan's files in the folder of the project."""
-OPEN = ("ambiguous", "not_excited")
+UNDECIDED_STATUSES = ("ambiguous", "not_excited")
 """What a diagnosis says of an effect that another record would decide."""
 ALL_OPEN = "all that are open"
 MIN_NUMBER = 1e-12
@@ -73,7 +73,7 @@ def shown(s: Session, diagnosis: Any) -> dict[str, Any]:
     content, limits = diagnosis["json"], diagnosis.get("limits") or []
     if not limits or not content.get("rivals"):
         return {"form": None, "plan": None}
-    tie = content["verdict"] == "unexplained" or any(e["status"] in OPEN for e in content["ranking"])
+    tie = content["verdict"] == "unexplained" or any(e["status"] in UNDECIDED_STATUSES for e in content["ranking"])
     names = ["+".join(r["effects"]) or "nothing" for r in content["rivals"]]
     names += [e["effect"] for e in content["ranking"] if e["status"] != "not_applicable" and e["effect"] not in names]
     form = {"limits": limits, "rivals": list(dict.fromkeys(names)), "tie": tie, "step": _step(s), "every": ALL_OPEN}
