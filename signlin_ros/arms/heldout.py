@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.arms.fit import CoefficientEstimate, fit
+from signlin_ros.arms.fit import CoefficientEstimate, FitDesign, fit
 
 Array = NDArray[np.float64]
 MIN_VALIDATION_ERRORS = 2.5
@@ -35,6 +37,20 @@ def foretells(before: CoefficientEstimate, trial: CoefficientEstimate, names: tu
     return bool(agree.all()) and _slope_errors(before, trial, joint) >= MIN_VALIDATION_ERRORS
 
 
+def ratio_on_all(trial: CoefficientEstimate, names: tuple[str, ...]) -> float:
+    """Return the largest of some coefficients in standard errors, of a fit to all rows, unseen ones as well.
+
+    A body imitates what a law does in one motion, and hardly in two.
+    """
+    rows, new, design = copy(trial.rows), trial.new, trial.design
+    rows.joint, rows.y = np.concatenate([rows.joint, new.joint]), np.concatenate([rows.y, new.y])
+    rows.block = np.concatenate([rows.block, new.block + 1 + rows.block.max(initial=0)])
+    X = np.concatenate([design.known, design.unseen])
+    whole = fit(FitDesign(design.names, X, X, design.mean, design.sd), rows, rows, trial.weights)
+    at = [design.at(name) for name in names]
+    return float(np.abs(whole.theta[at] / np.maximum(whole.errors()[at], 1e-300)).max())
+
+
 def _both(trial: CoefficientEstimate, names: tuple[str, ...]) -> tuple[tuple[Array, Array], Array, Array]:
     """Return coefficients and standard errors (k,) of a fit, then those of unseen rows by themselves."""
     other = fit(trial.design.swapped(), trial.new, trial.rows, trial.weights)
@@ -55,4 +71,4 @@ def _slope_errors(before: CoefficientEstimate, trial: CoefficientEstimate, joint
     return slope * size / max(scatter, 1e-300)
 
 
-__all__ = ["MIN_VALIDATION_ERRORS", "again", "foretells"]
+__all__ = ["MIN_VALIDATION_ERRORS", "again", "foretells", "ratio_on_all"]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
 from signlin_ros.arms.fit import CoefficientEstimate, FitDesign, blocks, fit, rigid
-from signlin_ros.arms.heldout import MIN_VALIDATION_ERRORS, again, foretells
+from signlin_ros.arms.heldout import MIN_VALIDATION_ERRORS, again, foretells, ratio_on_all
 from signlin_ros.arms.laws import (
     BASIC,
     EXTRA,
@@ -241,9 +241,12 @@ def _beside(state: State, estimate: CoefficientEstimate) -> CoefficientEstimate:
     The one that is least there goes first.   [Efroymson, in: Mathematical Methods for Digital Computers, Wiley, 1960]
     """
     while laws := [key for key, _ in state.terms if key.law in SEEN_ELSEWHERE]:
-        ratios = dict(zip(estimate.design.names, np.abs(estimate.theta / estimate.errors()).tolist(), strict=True))
-        least = min(laws, key=lambda key: ratios[names_of(key)[0]])
-        if ratios[names_of(least)[0]] >= MIN_COEFFICIENT_ERRORS:
+        own = dict(zip(estimate.design.names, np.abs(estimate.theta / estimate.errors()).tolist(), strict=True))
+        ratios = {key: own[names_of(key)[0]] for key in laws}
+        for key in (key for key, ratio in ratios.items() if ratio < MIN_COEFFICIENT_ERRORS):
+            ratios[key] = ratio_on_all(estimate, names_of(key))
+        least = min(laws, key=lambda key: ratios[key])
+        if ratios[least] >= MIN_COEFFICIENT_ERRORS:
             break
         state.terms = [(key, law) for key, law in state.terms if key != least]
         state.found = [law for law in state.found if law.key != least]
@@ -317,7 +320,10 @@ def _stands(
     with np.errstate(invalid="ignore", divide="ignore"):
         fall = 1.0 - (after / before) ** 2
         worth = float(np.nansum(np.log(before) - np.log(after)))
-    sure = float(np.abs(values / np.maximum(errors, 1e-300)).max()) >= needed_errors(tried)
+    needed = needed_errors(tried)
+    sure = float(np.abs(values / np.maximum(errors, 1e-300)).max()) >= needed
+    if not sure and key.law in SEEN_ELSEWHERE:
+        sure = ratio_on_all(trial, names) >= needed
     if key.law == "payload":
         if not (sure and _relieved(estimate, trial, count) and worth > -0.01 * state.robot.n):
             return None

@@ -121,12 +121,21 @@ class Fitted:
 def test_a_gain_that_is_not_there_beside_another_is_taken_out(monkeypatch):
     beside, alone = Fitted(_1=(0.02, 0.01), _2=(-0.15, 0.01)), Fitted(_2=(-0.16, 0.01))
     monkeypatch.setattr(search, "settled", lambda state, estimate: alone)
+    monkeypatch.setattr(search, "ratio_on_all", lambda estimate, names: 2.5)
     keys = [Key(GAIN, 1), Key(GAIN, 2)]
     state = SimpleNamespace(terms=[(key, None) for key in keys], found=[law(key, 0.15) for key in keys])
     assert _beside(state, beside) is alone
     assert [key for key, _ in state.terms] == [law.key for law in state.found] == keys[1:]
     assert _beside(state, alone) is alone
     assert len(state.terms) == 1
+
+
+def test_a_gain_stays_that_all_rows_together_tell(monkeypatch):
+    found = Fitted(_2=(-0.15, 0.05))
+    monkeypatch.setattr(search, "ratio_on_all", lambda estimate, names: 9.0)
+    state = SimpleNamespace(terms=[(Key(GAIN, 2), None)], found=[law(Key(GAIN, 2), 0.15)])
+    assert _beside(state, found) is found
+    assert len(state.terms) == len(state.found) == 1
 
 
 @pytest.mark.slow

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from signlin_ros.arms.fit import FitDesign, fit
-from signlin_ros.arms.heldout import again, foretells
+from signlin_ros.arms.heldout import again, foretells, ratio_on_all
 from signlin_ros.arms.piece import RegressionRows
 
 LAW, NOISE, COUNT = ("law",), 0.05, 200
@@ -52,3 +52,12 @@ def test_a_few_blocks_are_no_scatter():
     known, unseen = Rows(3, 0.3), Rows(4, 0.3, turn=3.0, apart=1e-3)
     unseen.block = np.arange(COUNT) // 100
     assert not foretells(*fitted(known, unseen), LAW, 0)
+
+
+def test_two_motions_together_tell_what_one_does_not():
+    known, unseen = Rows(5, 0.3, apart=0.04), Rows(6, 0.3, turn=3.0, apart=0.04)
+    _, trial = fitted(known, unseen)
+    alone = abs(trial["law"] / trial.errors()[-1])
+    assert alone < 5.0
+    assert ratio_on_all(trial, LAW) > 20.0 > alone
+    assert trial.rows.y.size == COUNT  # the rows of the fit stay as they were
