@@ -297,6 +297,8 @@ def _promises(state: State, estimate: CoefficientEstimate) -> tuple[list[_Promis
         d = C.T @ r
         coefficients = np.linalg.lstsq(S, d, rcond=1e-8)[0]
         fall = float(d @ coefficients)
+        if _of_one_sign(key, law) and coefficients[0] <= 0.0:
+            continue  # takes no place of one that may stand
         if not possible(estimate.design, estimate.theta - inner @ (P @ coefficients), errors, key):
             continue
         if (key.law, key.at) not in best or fall > best[key.law, key.at].fall:
@@ -313,8 +315,7 @@ def _stands(
     trial = fit(design, state.rows, state.new, estimate.weights)
     values, errors = trial.theta[-count:], trial.errors()[-count:]
     law, key = promise.law, promise.key
-    positive = law.positive if law is not None else key.law in ("compliant_load", "payload")
-    if positive and values[0] <= 0.0:
+    if _of_one_sign(key, law) and values[0] <= 0.0:
         return None
     before, after = estimate.rms, trial.rms
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -333,6 +334,11 @@ def _stands(
         if not (sure and visible > MIN_VALIDATION_SHARE and worth > 0.0 and _held(estimate, trial, promise)):
             return None
     return SearchResult(key, names, values, errors, before, after, worth), law
+
+
+def _of_one_sign(key: Key, law: JointLaw | None) -> bool:
+    """Tell whether the (first) coefficient of a law is above nothing."""
+    return law.positive if law is not None else key.law in ("compliant_load", "payload")
 
 
 def possible(design: FitDesign, theta: Array, errors: Array, key: Key) -> bool:
