@@ -4,6 +4,7 @@ of validation data.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import os
 from collections.abc import Callable, Mapping, Sequence
@@ -39,9 +40,10 @@ from signlin_ros.diagnosis.output_error.trials import (
 from signlin_ros.diagnosis.progress import Progress
 from signlin_ros.diagnosis.wording import phrases
 from signlin_ros.effects import EFFECTS
-from signlin_ros.errors import SimulationError
+from signlin_ros.errors import ModelError, SimulationError
 from signlin_ros.fitting.candidate import Candidate, candidate
 from signlin_ros.fitting.fit import Fit, fit
+from signlin_ros.fitting.gains import linear_base
 from signlin_ros.fitting.prepare import stretched
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.follow.data import unit_asked
@@ -52,6 +54,10 @@ BEAM = 2
 """How many single effects a search tries with every other one where none is enough by itself."""
 
 Array = NDArray[np.float64]
+
+MAX_STEP_OVER_DECAY, MIN_RATE_SHARE, MAX_FOLLOWED_SHARE = 3.0, 1e-6, 0.5
+"""Steps of so many time constants leave nothing of a motion (5 %); share of the fastest rate that is none; error in
+shares of a channel's spread up to which the model follows it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,8 +257,13 @@ class OutputErrorEstimator(Minima):
         return more
 
     def _fit_of_one_more_wave(self, of: FittedModel, f: FittedModel, trial: Trial) -> Fit | None:
-        """Return the best fit from the starts of a wave more, with the base parameters that there are without it."""
-        candidates = [CandidateParts.of(of.fit).extended(trial.name, x).candidate(self.training) for x in trial.starts]
+        """Return the best fit from the starts of a wave more, with the base parameters that there are without it; None
+        where the waves of a turning axis are not whole numbers in a turn.
+        """
+        candidates = list[Candidate]()
+        with contextlib.suppress(ModelError):
+            parts = CandidateParts.of(of.fit)
+            candidates += [parts.extended(trial.name, x).candidate(self.training) for x in trial.starts]
         known, middle = f.fit.parameters(), self.training.observer_gains[1]
         return cheapest(fit(self.short, c, middle, c.start(known), MIDDLE_STEPS) for c in candidates)
 
@@ -358,7 +369,23 @@ def estimator_of(
         apart = f"the model diverges on these records: the samples are {step:.3g} s apart{unit_asked(step)}"
         raise SimulationError(f"{problem.base.source}: {apart}")
     found._keep(base)
+    if _over_between_samples(problem, found.base):
+        step = problem.scale.step
+        apart = f"the model does not follow these records: the samples are {step:.3g} s apart{unit_asked(step)}"
+        raise SimulationError(f"{problem.base.source}: {apart}")
     return found
+
+
+def _over_between_samples(problem: Problem, base: FittedModel) -> bool:
+    """Tell whether even the model's slowest motion is over between two samples, and the model, which then goes from
+    rest to rest, follows no channel.
+    """
+    rates = -np.linalg.eigvals(linear_base(problem.base, problem.channels)[1]).real
+    decays = rates[rates > MIN_RATE_SHARE * np.abs(rates).max(initial=0.0)]
+    if not unit_asked(problem.scale.step) or not decays.size or problem.scale.step * decays.min() < MAX_STEP_OVER_DECAY:
+        return False
+    spread = np.nanstd(np.concatenate([s.y for s in problem.segments]), axis=0)
+    return bool(np.all(np.sqrt(np.nanmean(base.training_squares, axis=0)) > MAX_FOLLOWED_SHARE * spread))
 
 
 __all__ = ["OutputErrorEstimator", "estimator_of"]
