@@ -56,9 +56,15 @@ def _held(diagnosis: ArmDiagnosis, fault: SearchResult) -> bool:
     """
     if fault.key.law != GAIN:
         return True
-    at_motor = diagnosis.comparison.study.model.arm_plant.at_motor
+    at_motor = _at_motor(diagnosis)
     shows = abs(1.0 + float(fault.values[0])) > MIN_COEFFICIENT_ERRORS * float(fault.errors[0])
     return shows and not at_motor[fault.key.at]
+
+
+def _at_motor(diagnosis: ArmDiagnosis) -> Sequence[bool]:
+    """Return which joints' efforts are those of motors that turn others, too (n,)."""
+    model = diagnosis.comparison.study.model
+    return model.arm_plant.at_motor
 
 
 def delays(diagnosis: ArmDiagnosis) -> Array:
@@ -90,7 +96,7 @@ def put_right(diagnosis: ArmDiagnosis, law: str) -> tuple[ArmModel, Runs]:
 
 def not_again(diagnosis: ArmDiagnosis, law: str) -> frozenset[Key]:
     """Return the laws that efforts which were put right are not asked for again."""
-    at_motor = diagnosis.comparison.study.model.arm_plant.at_motor
+    at_motor = _at_motor(diagnosis)
     every = range(-1 if law == DELAY else 0, len(at_motor))
     kept = {f.key for f in diagnosis.found if f.key.law == law and not _held(diagnosis, f)}
     return frozenset(Key(law, i) for i in every if not (law == GAIN and at_motor[i])) - kept
