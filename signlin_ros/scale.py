@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 from signlin_ros.par import POWER_DIGITS
 
+MAX_STEP_OVER_TIME_CONSTANT = 3.0
+"""Steps of so many time constants leave nothing of a motion (5 %)."""
+
 
 @dataclass(frozen=True)
 class Scale:

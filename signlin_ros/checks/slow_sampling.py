@@ -14,9 +14,8 @@ from signlin_ros.checks.look import Look
 from signlin_ros.checks.unit_or_sign import MAX_GOOD_RESIDUAL
 from signlin_ros.records import ModelData
 from signlin_ros.records.table import frozen
+from signlin_ros.scale import MAX_STEP_OVER_TIME_CONSTANT
 
-MAX_STEP_OVER_TIME_CONSTANT = 3.0
-"""Steps of so many time constants leave nothing of a motion (5 %)."""
 MAX_RESIDUAL_PART = 0.9
 """What inputs that change in between leave of the record, as a part of what inputs that are held leave, at most:
 records of either kind lie at 0.62 to 0.81 and at 1.26 to 1.47."""

@@ -85,7 +85,8 @@ class TwoSources(Check):
 
     def _held(self, look: Look, name: str, zeros: NDArray[np.bool_]) -> Finding:
         sentence = f"the {name} jumps to 0 and back in {int(zeros.sum())} of {zeros.size} samples: a second source"
-        between = filled_in(look.of(name), zeros)[1]
+        index = np.arange(zeros.size, dtype=float)
+        between = filled_in(index, look.of(name), zeros)[1]
         how = (
             "they lie on the line between the values beside them" if between else "the value before them is held there"
         )
@@ -96,7 +97,7 @@ class TwoSources(Check):
             sentence,
             cure=f"hold_{name}",
             remedy=f"{how}, if that is what reached the drive",
-            action=changed(name, lambda values: filled_in(values, zeros)[0]),
+            action=changed(name, lambda values: filled_in(index, values, zeros)[0]),
         )
 
 

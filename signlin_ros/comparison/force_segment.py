@@ -177,12 +177,8 @@ class _Raw:
             return gain * self.values[name], gain * self.noise[name]
         return effort_gain(model, False) * self.u[:, 0], 0.0
 
-    def size(self, cutoff: float | None) -> float:
-        """Return the standard deviation of the effort, or of the inertial force below a ``cutoff`` in Hz, which is what
-        the forces on a machine that nothing drives are told by.
-        """
-        if cutoff is None:
-            return max(float(np.std(self.effort[0])), 1e-12)
+    def inertial_force(self, cutoff: float) -> float:
+        """Return the standard deviation of the inertial force below a cut-off in Hz."""
         return self.inertia * float(np.std(slope(self.motion(cutoff)[1], self.step)))
 
     def noises(self, cutoff: float) -> tuple[float, float]:
@@ -252,8 +248,9 @@ def best_cutoff(model: Model, data: Sequence[ModelData], share: float) -> float:
 def _cutoff(raw: _Raw, share: float) -> float:
     lowest = MIN_CUTOFF_PERIODS / max(raw.t[-1], raw.step)
     tried = [f for f in BANDS / raw.step if f >= lowest] or [lowest]
-    driven = float(np.std(raw.effort[0])) > 0.0
-    return float(next((f for f in tried if max(raw.noises(f)) < share * raw.size(None if driven else f)), tried[-1]))
+    effort = float(np.std(raw.effort[0]))
+    quiet = (f for f in tried if max(raw.noises(f)) < share * (effort or raw.inertial_force(f)))
+    return float(next(quiet, tried[-1]))
 
 
 def effort_gain(model: Model, current: bool) -> float:

@@ -143,10 +143,11 @@ def further(problem: Problem, f: Fit, steps: int) -> Fit:
         gain, f = f.objective - trial.objective, trial
         damping = max(damping / 8, MIN_DAMPING)
         beyond_noise = max(f.objective - float(np.sum(f.count * np.log(problem.noise**2))), 0.0)
-        if gain < MIN_COST_FALL + MIN_RELATIVE_FALL * beyond_noise:
+        least = MIN_COST_FALL + MIN_RELATIVE_FALL * beyond_noise
+        if gain < least:
             if damping <= MIN_DAMPING:
                 break
-            damping, enough = MIN_DAMPING, MIN_COST_FALL + MIN_RELATIVE_FALL * beyond_noise
+            damping, enough = MIN_DAMPING, least
     return f
 
 

@@ -239,8 +239,13 @@ def _late_states(problem: Problem, s: PreparedSegment, lags: Array) -> dict[int,
     for y, (lag, state, _, marked) in zip(s.y.T, lags.tolist(), strict=False):
         count = min(ceil(lag / problem.scale.step), s.t.size - 1)
         if marked and count > 0:
-            found[int(state)] = (-1, float(np.sqrt(np.nanmean((y[count:] - y[:-count]) ** 2))))
+            found[int(state)] = (-1, _usual_change(y, count))
     return found
+
+
+def _usual_change(y: Array, count: int) -> float:
+    """Return the RMS change of a channel y (T,) over so many samples."""
+    return float(np.sqrt(np.nanmean((y[count:] - y[:-count]) ** 2)))
 
 
 def _sought(
@@ -286,8 +291,8 @@ def _moved_unseen(problem: Problem, s: PreparedSegment, lags: Array) -> bool:
     """
     for y, noise, (lag, *_) in zip(s.y.T, problem.noise.tolist(), lags.tolist(), strict=False):
         count = min(ceil(lag / problem.scale.step), s.t.size - 1)
-        usual = MAX_REST_SPEED * np.sqrt(np.nanmean((y[count:] - y[:-count]) ** 2)) if count > 0 else np.inf
-        if np.any(np.abs(y[1 : count + 1] - y[0]) > usual + MAX_START_CHANGE * noise):
+        changes = np.abs(y[1 : count + 1] - y[0])
+        if count > 0 and np.any(changes > MAX_REST_SPEED * _usual_change(y, count) + MAX_START_CHANGE * noise):
             return True
     return False
 

@@ -126,21 +126,20 @@ def _inputs_filled(record: Record, name: str, values: Array, notes: list[Note]) 
         lacks, more = ("has no value", f": {divided}; {_DIVISOR}") if divided else ("is missing", "")
         raise RecordError(f"{record.source}: {record.where(first)}: the input {name!r} {lacks} {why}{more}")
     place = record.where(int(np.argmax(missing)))
-    filled, smooth = filled_in(values, missing)
+    filled, smooth = filled_in(record.t, values, missing)
     how = "lie on the line between their neighbours" if smooth else "hold the value before them"
     said = f"input {name}: {int(missing.sum())} missing samples {how}, the first at {place}"
     notes.append(Note(said, "filled", name))
-    return np.interp(record.t, record.t[~missing], values[~missing]) if smooth else filled
+    return filled
 
 
-def filled_in(values: Array, missing: npt.NDArray[np.bool_]) -> tuple[Array, bool]:
-    """Return values (T,) where some are missing, and whether these lie on the line between their neighbours; else each
-    is the value before it.
+def filled_in(t: Array, values: Array, missing: npt.NDArray[np.bool_]) -> tuple[Array, bool]:
+    """Return values (T,) at times t (T,) where some are missing, and whether these lie on the line between their
+    neighbours; else each is the value before it.
     """
-    known, index = np.where(missing, np.nan, values), np.arange(values.size)
-    if _lies_between(known):
-        return np.interp(index, index[~missing], values[~missing]), True
-    return values[np.maximum.accumulate(np.where(missing, 0, index))], False
+    if _lies_between(np.where(missing, np.nan, values)):
+        return np.interp(t, t[~missing], values[~missing]), True
+    return values[np.maximum.accumulate(np.where(missing, 0, np.arange(values.size)))], False
 
 
 def _lies_between(values: Array) -> bool:

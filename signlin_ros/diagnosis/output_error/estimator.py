@@ -49,15 +49,15 @@ from signlin_ros.fitting.problem import Problem
 from signlin_ros.follow.data import unit_asked
 from signlin_ros.model import Model
 from signlin_ros.model.numbers import numbers
+from signlin_ros.scale import MAX_STEP_OVER_TIME_CONSTANT
 
 BEAM = 2
 """How many single effects a search tries with every other one where none is enough by itself."""
 
 Array = NDArray[np.float64]
 
-MAX_STEP_OVER_DECAY, MIN_RATE_SHARE, MAX_FOLLOWED_SHARE = 3.0, 1e-6, 0.5
-"""Steps of so many time constants leave nothing of a motion (5 %); share of the fastest rate that is none; error in
-shares of a channel's spread up to which the model follows it."""
+MIN_RATE_SHARE, MAX_FOLLOWED_SHARE = 1e-6, 0.5
+"""Share of the fastest rate that is none; error in shares of a channel's spread up to which the model follows it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -382,7 +382,8 @@ def _over_between_samples(problem: Problem, base: FittedModel) -> bool:
     """
     rates = -np.linalg.eigvals(linear_base(problem.base, problem.channels)[1]).real
     decays = rates[rates > MIN_RATE_SHARE * np.abs(rates).max(initial=0.0)]
-    if not unit_asked(problem.scale.step) or not decays.size or problem.scale.step * decays.min() < MAX_STEP_OVER_DECAY:
+    step = problem.scale.step
+    if not (unit_asked(step) and decays.size and step * decays.min() >= MAX_STEP_OVER_TIME_CONSTANT):
         return False
     spread = np.nanstd(np.concatenate([s.y for s in problem.segments]), axis=0)
     return bool(np.all(np.sqrt(np.nanmean(base.training_squares, axis=0)) > MAX_FOLLOWED_SHARE * spread))

@@ -241,7 +241,7 @@ def _of_inputs(evidence: Evidence, verdict: Verdict) -> str:
     units = (problem.shown(problem.units.get(name, "")) for name in problem.base.inputs)
     sizes = zip(problem.base.inputs, problem.input_noise.tolist(), units, strict=True)
     noisy = [f"the {name} ({size:.2g} {unit})" for name, size, unit in sizes if size]
-    return f" What is left goes on as noise of {joined(noisy)} does that the motion gathers."
+    return f" The residual is white to an observer that allows for noise of {joined(noisy)}."
 
 
 def _left_over(evidence: Evidence, verdict: Verdict) -> str:
