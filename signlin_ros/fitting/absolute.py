@@ -68,13 +68,12 @@ def _normal(problem: Problem, c: Candidate, theta: Array) -> tuple[float, Array,
     size = np.maximum(np.abs(np.where(there, e, 0.0)), problem.noise)
     mean = np.array([size[there[:, k], k].mean() for k in range(e.shape[1])])
     weights = np.where(there, 1.0 / (size * mean), 0.0)
-    inverse = np.array([1.0 / k.spread for k in c.coordinates])
-    prior = np.array([(x - k.prior) / k.spread for k, x in zip(c.coordinates, theta, strict=True)])
+    prior, slope = c.prior(theta)
     cost = float(2.0 * there.sum(axis=0) @ np.log(mean) + prior @ prior)
     columns = np.where(there[:, :, None], D, 0.0).reshape(-1, theta.size)
     weighted = columns.T * weights.ravel()
-    gradient = weighted @ np.where(there, e, 0.0).ravel() + prior * inverse
-    hessian = weighted @ columns + np.diag(inverse**2)
+    gradient = weighted @ np.where(there, e, 0.0).ravel() + prior @ slope
+    hessian = weighted @ columns + slope.T @ slope
     finite = np.isfinite(cost) and np.isfinite(gradient).all() and np.isfinite(hessian).all()
     return (cost, gradient, hessian) if finite else None
 

@@ -112,6 +112,48 @@ class Candidate:
         """Return the same with the starts alone that were found for an observer of time constant ``tau`` in s."""
         return replace(self, starts={key: start for key, start in self.starts.items() if key[1] == tau})
 
+    @functools.cached_property
+    def hanging(self) -> tuple[int, tuple[int, ...]] | None:
+        """The coordinates of the plant's inertia, and of those that were added behind a coupling; None without both.
+
+        The nominal inertia may be that of the driven side or of all that moves: what is known beforehand holds of the
+        nearer of both.
+        """
+        at = {k.name: i for i, k in enumerate(self.coordinates)}
+        added = ((key, self.model.effects[key]) for key in self.label if key in self.model.effects)
+        behind = tuple(at[n] for key, use in added if (n := f"{key}.{EFFECTS[use.type].hanging}") in at)
+        driven = at.get(self.model.plant.inertia_parameter)
+        return (driven, behind) if behind and driven is not None and self.coordinates[driven].log else None
+
+    def together(self, theta: Array) -> Array:
+        """Return the coordinates with the inertia of all that moves in place of the driven side's, if that is nearer to
+        what is known beforehand.
+        """
+        if self.hanging is None:
+            return theta
+        (i, behind), found = self.hanging, theta.copy()
+        k = self.coordinates[i]
+        found[i] = k.theta(k.value(theta[i]) + sum(self.coordinates[j].value(theta[j]) for j in behind))
+        return found if abs(found[i] - k.prior) < abs(theta[i] - k.prior) else theta
+
+    def prior(self, theta: Array) -> tuple[Array, Array]:
+        """Return deviations (n,) of the coordinates from what is known beforehand, in standard deviations, and their
+        derivatives (n, n).
+        """
+        known, spread = self._known
+        judged, slope = self.together(theta), np.diag(1.0 / spread)
+        if self.hanging is not None and judged is not theta:
+            i, behind = self.hanging
+            total = self.coordinates[i].value(judged[i])
+            for j in (i, *behind):
+                slope[i, j] = self.coordinates[j].value(theta[j]) / (total * spread[i])
+        return (judged - known) / spread, slope
+
+    @functools.cached_property
+    def _known(self) -> tuple[Array, Array]:
+        """Means and standard deviations (n,) of the priors."""
+        return np.array([k.prior for k in self.coordinates]), np.array([k.spread for k in self.coordinates])
+
     def as_without(self, values: Mapping[str, float], kept: Collection[str]) -> Array:
         """Return the coordinates of some values with the effects at nothing that are not among the keys ``kept``."""
         theta = self.start(values)

@@ -89,12 +89,11 @@ def _normal(
                 squares[k] += d[:, k].T @ d[:, k]
                 products[k] += e[:, k] @ d[:, k]
     rss = np.maximum(rss, (1e-9 * problem.noise) ** 2 * np.maximum(number, 1))
-    inverse = np.array([1.0 / k.spread for k in c.coordinates])
-    prior = np.array([(x - k.prior) / k.spread for k, x in zip(c.coordinates, theta, strict=True)])
+    prior, slope = c.prior(theta)
     cost = float(np.sum(number * np.log(rss / np.maximum(number, 1))) + np.sum(prior**2))
     weights, slopes = number / rss, c.slopes(theta)
-    gradient = slopes * (weights @ products) + prior * inverse
-    hessian = np.outer(slopes, slopes) * np.tensordot(weights, squares, 1) + np.diag(inverse**2)
+    gradient = slopes * (weights @ products) + prior @ slope
+    hessian = np.outer(slopes, slopes) * np.tensordot(weights, squares, 1) + slope.T @ slope
     return cost, number, gradient, hessian
 
 

@@ -57,6 +57,8 @@ class Plant(HasPars):
     """Parameters that belong to a record, as the load of a test bench does: the page asks for them."""
     scaled_by_effort: ClassVar[tuple[str, ...]] = ()
     """Parameters that a wrong scale of the input, or of a force that is measured, multiplies all alike."""
+    inertia_parameter: ClassVar[str] = ""
+    """The parameter that is the moving mass or inertia; empty where that is made of several."""
     effort: ClassVar[str] = "force"
     """What the alias ``effort`` means: an input, an output, or a state of the plant; empty: nothing."""
     outputs: ClassVar[dict[str, str]] = {}
@@ -95,7 +97,7 @@ class Plant(HasPars):
     @classmethod
     def moved(cls, values: Mapping[str, float]) -> float:
         """Return the moving mass or inertia; ``values`` are the plant's parameters."""
-        return float(values["J" if "J" in values else "m"])
+        return float(values[cls.inertia_parameter])
 
     @classmethod
     def driven(cls, m: Any, values: Mapping[str, float], q: Any, acceleration: Any) -> Any:

@@ -29,6 +29,7 @@ class DcMotor(Plant):
     zero_matters = ("L_a",)
     sometimes = {"current": "with L_a = 0 the current follows the voltage at once and is no state"}
     inputs = {"voltage": "V"}
+    inertia_parameter = "J"
     scaled_by_effort = ("R_a", "L_a", "K_m")
     optional_inputs = {"load_torque": "N·m"}
 

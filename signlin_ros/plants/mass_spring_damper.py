@@ -19,6 +19,7 @@ class MassSpringDamper(Plant):
     equation = "m q'' + c q' + k q = F + effects"
     force_unit, position_unit, input_unit = "N", "m", "N"
     inputs = {"force": "N"}
+    inertia_parameter = "m"
     scaled_by_effort = ("m", "c", "k")
     zero_matters: ClassVar[tuple[str, ...]] = ("k",)
 

@@ -14,7 +14,7 @@ from signlin_ros.fitting.candidate import Coordinate
 
 def far(nominal: float, tolerance: float, value: float) -> dict[str, float]:
     k, model, fit = Coordinate("c", True, nominal, -50.0, 50.0, 0.0, tolerance), cast(Any, None), cast(Any, None)
-    one, nothing = FittedCoordinate(k, k.theta(value), 0.0), np.zeros((1, 1))
+    one, nothing = FittedCoordinate(k, k.theta(value), 0.0, k.theta(value)), np.zeros((1, 1))
     found = FittedModel((), model, {}, nothing, nothing, np.ones(1), fit, (one,), (), tuple, lambda index: 0.0)
     return found.far_from_nominal(DEFAULT_CRITERIA)
 

@@ -39,11 +39,14 @@ ODD, UNTOLD = 3.0, 0.95
 
 
 class FittedCoordinate(NamedTuple):
-    """A coordinate of a fit, where it ended, and its standard error."""
+    """A coordinate of a fit, where it ended, its standard error, and where it is judged by what is known beforehand: an
+    inertia perhaps with what hangs on it, see `Candidate.together`.
+    """
 
     k: Coordinate
     x: float
     std: float
+    judged: float
 
     @property
     def key(self) -> str:
@@ -60,8 +63,13 @@ class FittedCoordinate(NamedTuple):
         """How far it is from nominal, in tolerances: below it (x - x0) / x0, above it ln(x / x0), over the tolerance;
         what is known to within all of itself may be nothing.
         """
-        apart = self.x - self.k.prior
+        apart = self.deviation
         return (float(np.expm1(apart)) if self.k.log and apart < 0.0 else apart) / self.k.spread
+
+    @property
+    def deviation(self) -> float:
+        """How far it is from what is known beforehand, as a coordinate."""
+        return self.judged - self.k.prior
 
     @property
     def at_bound(self) -> bool:
@@ -77,7 +85,7 @@ class FittedCoordinate(NamedTuple):
         if self.k.record:
             return phrases.own_record(self.k.record)
         if self.k.spread < 1.0 and abs(self.prior_deviation) > ODD:
-            ratio = float(np.exp(self.x - self.k.prior)) if self.k.log else None
+            ratio = float(np.exp(self.deviation)) if self.k.log else None
             return phrases.off_nominal(self.prior_deviation, ratio)
         untold = self.k.spread < 1.0 and self.std > UNTOLD * self.k.spread
         return phrases.NOT_EXCITED if untold else ""
@@ -163,7 +171,7 @@ class FittedModel:
     def prior_distance(self) -> float:
         """Squared distance of the parameters of the model as given from their values there, in tolerances."""
         base = (one for one in self.coordinates if one.key not in self.kind)
-        return float(sum(((one.x - one.k.prior) / one.k.spread) ** 2 for one in base))
+        return float(sum((one.deviation / one.k.spread) ** 2 for one in base))
 
     @property
     def prior_deviations(self) -> dict[str, float]:
@@ -249,7 +257,9 @@ def coordinates_of(f: Fit, covariances: Sequence[Array]) -> tuple[FittedCoordina
     """Return a fit's coordinates with standard errors, the largest of some covariances; inf of what moves nothing."""
     variances = np.max([np.diag(c) for c in covariances], axis=0)
     errors = np.sqrt(np.where(variances > 0.0, variances, np.inf))
-    return tuple(map(FittedCoordinate, f.candidate.coordinates, f.theta.tolist(), errors.tolist()))
+    judged = f.candidate.together(f.theta)
+    values = zip(f.candidate.coordinates, f.theta.tolist(), errors.tolist(), judged.tolist(), strict=True)
+    return tuple(FittedCoordinate(*one) for one in values)
 
 
 def covariances(problem: Problem, f: Fit) -> tuple[Array, ...]:
@@ -270,7 +280,7 @@ def covariances(problem: Problem, f: Fit) -> tuple[Array, ...]:
         products = np.einsum("tc,tcj->tj", np.nan_to_num(e) * weight, np.nan_to_num(d[:, :, : f.theta.size])) * slopes
         sums += [products[i : i + block].sum(axis=0) for i in range(0, len(products), block)]
     g = np.array(sums) - np.mean(sums, axis=0)
-    prior = np.diag([1.0 / k.spread for k in f.candidate.coordinates])
+    _, prior = f.candidate.prior(f.theta)
     root = np.concatenate([g, prior]) @ bread
     return bread, np.asarray(root.T @ root, dtype=np.float64)
 
