@@ -8,7 +8,7 @@ import pytest
 from signlin_ros.diagnosis import diagnose
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
-from signlin_ros.simulation import simulate
+from tests.drawn_tones import as_data, drawn_tones, noisy_states
 
 STEP, LATE, MU = 0.005, 6, 0.018
 MOTOR = Model.from_dict(
@@ -23,13 +23,9 @@ MOTOR = Model.from_dict(
 def late(seed: int) -> ModelData:
     """Return 6 s of a motor with Coulomb friction whose speed is recorded 30 ms late."""
     random, t = np.random.default_rng(seed), np.arange(1200) * STEP
-    frequencies, phases = np.exp(random.uniform(np.log(0.2), np.log(6.0), 9)), random.uniform(0, 2 * np.pi, 9)
-    voltage = np.sum(np.sin(2 * np.pi * np.outer(t, frequencies) + phases) / frequencies**0.3, axis=1)
-    voltage *= 3.0 / voltage.std()
-    x = simulate(MOTOR.with_effect("coulomb_friction", mu=MU), t, voltage).x
-    x += random.normal(size=x.shape) * (0.01, 0.15)
-    measured = {"current": x[LATE:, 0], "speed": x[:-LATE, 1]}
-    return ModelData(t[LATE:], voltage[LATE:, None], measured, None, MOTOR.inputs, MOTOR.states, dict(MOTOR.units))
+    voltage = drawn_tones(random, t, count=9, band=(0.2, 6.0), fall=0.3, deviation=3.0)
+    x = noisy_states(random, MOTOR.with_effect("coulomb_friction", mu=MU), t, voltage, (0.01, 0.15))
+    return as_data(MOTOR, t[LATE:], voltage[LATE:], np.column_stack([x[LATE:, 0], x[:-LATE, 1]]))
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ import pytest
 from signlin_ros.diagnosis import diagnose
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
-from signlin_ros.simulation import simulate
+from tests.drawn_tones import as_data, drawn_tones, noisy_states
 
 STEP, NOISE = 0.0027, (2e-4, 4e-3)
 AXIS = Model.from_yaml(
@@ -21,16 +21,11 @@ AXIS = Model.from_yaml(
 def logged(seed: int, drag: float = 0.0) -> ModelData:
     """Return 12 s of an axis with Coulomb friction, and a drag of ``drag`` v|v|; the force is rounded."""
     random, t = np.random.default_rng(seed), np.arange(3000) * 0.004
-    frequencies, phases = np.exp(random.uniform(np.log(0.3), np.log(6.0), 9)), random.uniform(0, 2 * np.pi, 9)
-    force = np.sum(np.sin(2 * np.pi * np.outer(t, frequencies) + phases) / frequencies**0.3, axis=1)
-    force *= 0.6 / force.std()
+    force = drawn_tones(random, t, count=9, band=(0.3, 6.0), fall=0.3, deviation=0.6)
     machine = AXIS.with_effect("coulomb_friction", mu=0.25)
     if drag:
         machine = machine.with_effect("quadratic_drag", c2=drag)
-    shown = simulate(machine, t, force).x + random.normal(size=(t.size, 2)) * NOISE
-    measured = dict(zip(AXIS.states, shown.T, strict=True))
-    u = np.round(force / STEP)[:, None] * STEP
-    return ModelData(t, u, measured, None, AXIS.inputs, AXIS.states, dict(AXIS.units))
+    return as_data(AXIS, t, np.round(force / STEP) * STEP, noisy_states(random, machine, t, force, NOISE))
 
 
 def test_a_right_law_is_named_where_the_input_is_rounded():

@@ -8,7 +8,7 @@ import pytest
 from signlin_ros.diagnosis import diagnose
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
-from signlin_ros.simulation import simulate
+from tests.drawn_tones import as_data, drawn_tones, noisy_states
 
 STEP = 0.002
 MOTOR = Model.from_dict(
@@ -23,12 +23,8 @@ MOTOR = Model.from_dict(
 def run(seed: int) -> ModelData:
     """Return 6 s of the motor."""
     random, t = np.random.default_rng(seed), np.arange(3000) * STEP
-    frequencies, phases = np.exp(random.uniform(np.log(0.2), np.log(8.0), 12)), random.uniform(0, 2 * np.pi, 12)
-    voltage = np.sum(np.sin(2 * np.pi * np.outer(t, frequencies) + phases) / frequencies**0.5, axis=1)
-    voltage *= 6.0 / voltage.std()
-    x = simulate(MOTOR, t, voltage).x + random.normal(size=(t.size, 2)) * (0.02, 0.05)
-    measured = {"current": x[:, 0], "speed": x[:, 1]}
-    return ModelData(t, voltage[:, None], measured, None, MOTOR.inputs, MOTOR.states, dict(MOTOR.units))
+    voltage = drawn_tones(random, t, count=12, band=(0.2, 8.0), fall=0.5, deviation=6.0)
+    return as_data(MOTOR, t, voltage, noisy_states(random, MOTOR, t, voltage, (0.02, 0.05)))
 
 
 @pytest.mark.slow
