@@ -224,7 +224,11 @@ def test_a_second_server_on_a_folder_is_refused(server: Callable[..., Server], t
     assert server().client().ask("GET", "/")[0] == 303
 
 
-@pytest.mark.parametrize("body", [b"[" * 100_000, b"[]", b"{", b'{"files": ' + b"[" * 90_000, b'"x"', b"x" * (5 << 20)])
+@pytest.mark.parametrize(
+    "body",
+    [b"[" * 100_000, b"[]", b"{", b'{"files": ' + b"[" * 90_000, b'"x"', b"x" * (5 << 20)],
+    ids=["deep", "list", "open", "deep inside", "text", "megabytes"],
+)
 def test_a_request_that_is_none_is_refused_in_one_line(client: Client, one_project: str, body: bytes) -> None:
     project = one_project
     for path in ("do/take", "show/record", "live/take"):

@@ -202,6 +202,7 @@ def test_a_dropped_file_of_rivals_may_name_no_code_at_all(client: Client, tmp_pa
 @pytest.mark.parametrize(
     "text",
     ["[1, 2", "[]", '{"rivals": 3}', '{"rivals": []}', '{"rivals": [{"effects": []}]}', "[" * 100_000],
+    ids=["open", "list", "number", "none", "no effects", "deep"],
 )
 def test_what_is_no_file_of_rivals_is_refused_in_a_line(tmp_path: Path, text: str) -> None:
     (tmp_path / "x.rivals.json").write_text(text)

@@ -178,6 +178,7 @@ MODEL = "/**:\n  ros__parameters:\n    plant: dc_motor\n    parameters: {R_a: 1,
         (f"{MODEL}    signals: {{speed: '{'x' * (1 << 20)}'}}\n", "bytes"),
         ("just text", "ROS 2 parameter file"),
     ],
+    ids=["bomb", "deep", "code", "code in quotes", "object", "megabytes", "text"],
 )
 def test_a_model_file_from_the_browser_is_looked_at_first(
     client: Client, one_project: str, text: str, why: str
