@@ -28,10 +28,8 @@ from signlin_ros.errors import InputError
 def summary_of(evidence: Evidence, verdict: Verdict) -> Diagnosis:
     """Return the diagnosis that reports a verdict."""
     dataset, doubts = evidence.dataset, doubts_of(evidence, verdict.selection.rivals, verdict.final)
-    ladder, ranking = (
-        tuple(row(evidence, f, force_left(evidence, f, verdict.final)) for f in verdict.steps),
-        _ranking(evidence, verdict, doubts),
-    )
+    ladder = tuple(row(evidence, f, force_left(evidence, f, verdict.final)) for f in verdict.steps)
+    ranking = _ranking(evidence, verdict, doubts)
     model = rounded(verdict.final.model, verdict.final.parameters)
     base, parameters = (_parameters(evidence, f) for f in (verdict.base, verdict.final))
     findings = findings_of(evidence, verdict, model, {*base, *parameters})
@@ -146,13 +144,13 @@ def _ties(evidence: Evidence, verdict: Verdict, effect: str) -> tuple[str, ...]:
 
 def _named(evidence: Evidence, verdict: Verdict, effect: str, ties: tuple[str, ...], doubts: Doubts) -> RankingEntry:
     """Return the entry of an effect that is proposed."""
-    once = verdict.reason == "once" and effect in verdict.remembers
-    once |= verdict.reason == "loop" and effect == verdict.loop
-    once |= doubts.of(effect)
-    once |= not verdicts.shown_falls(evidence, verdict, verdict.without[effect], verdict.final)
+    doubted = verdict.reason == "once" and effect in verdict.remembers
+    doubted |= verdict.reason == "loop" and effect == verdict.loop
+    doubted |= doubts.of(effect)
+    doubted |= not verdicts.shown_falls(evidence, verdict, verdict.without[effect], verdict.final)
     open_ones = [r.effects for r in (*doubts.undecided, *doubts.near)]
     ties = tuple(sorted({*ties, *(n for effects in open_ones for n in effects if n not in verdict.names)}))
-    status = "ambiguous" if once or any(not _richer(t, effect) for t in ties) else "confirmed"
+    status = "ambiguous" if doubted or any(not _richer(t, effect) for t in ties) else "confirmed"
     if verdict.refused or (verdict.reason and REASONS[verdict.reason].rejects):
         status = "rejected"
     own, why = verdicts.own_parameters(verdict.final, effect), verdicts.why_named(evidence, verdict, effect)
@@ -178,10 +176,8 @@ def _by_force(evidence: Evidence, verdict: Verdict, name: str) -> RankingEntry:
     """Return the entry of an effect that only the equation-error estimate tried."""
     force = evidence.equation_error
     assert force is not None  # noqa: S101  it tried the effect
-    a, b = (
-        force_percent(evidence, verdict.base, verdict.final) or force.percent(force.base),
-        force.percent(evidence.laws[name]),
-    )
+    a = force_percent(evidence, verdict.base, verdict.final) or force.percent(force.base)
+    b = force.percent(evidence.laws[name])
     why = phrases.by_force(b, a, evidence.of_effort, WHOLE_EFFORT)
     unseen = find_effect(name, "effects").only_beyond and b > (1.0 - evidence.criteria.visible_change) * a
     return (

@@ -159,11 +159,9 @@ class ValidationTests:
     @cached_property
     def unfollowed(self) -> list[str]:
         """The channels that none of the models that were fitted follows, neither where it was fitted nor elsewhere."""
-        known, unseen, missed = (
-            self.output_error.training,
-            self.output_error.validation,
-            set(self.output_error.training.channels),
-        )
+        known = self.output_error.training
+        unseen = self.output_error.validation
+        missed = set(self.output_error.training.channels)
         for f in (self.final, *self.evidence.cache.weighed):
             for side, squares in ((known, f.training_squares), (unseen, f.validation_squares)):
                 missed &= set(unfollowed(of_windows(side, squares, side.noise)))
@@ -172,11 +170,9 @@ class ValidationTests:
     @cached_property
     def generalizes_badly(self) -> bool:
         """Whether the model follows validation data far worse than those that it was fitted to: of its force, too."""
-        noise, final, force = (
-            (self.output_error.training.noise, self.output_error.validation.noise),
-            self.final,
-            self.evidence.equation_error,
-        )
+        noise = (self.output_error.training.noise, self.output_error.validation.noise)
+        final = self.final
+        force = self.evidence.equation_error
         if not generalizes_badly(
             final.training_squares, final.validation_squares, *noise, self.criteria.max_rmse_over_noise
         ):

@@ -141,20 +141,17 @@ def _reason_by_motion(tests: ValidationTests) -> str:
 def verdict_of(evidence: Evidence, selection: Selection) -> Verdict:
     """Test a selected model on validation data, and return what follows."""
     t = ValidationTests(evidence, selection.chosen)
-    # What `add` was asked for and validation data refuse is not named: the label is then that of the base model.
-    reason, refused = (
-        reason_of(t, selection.conflict),
-        evidence.output_error.refusal(evidence.base, selection.chosen) if selection.asked else "",
-    )
-    names, last = (
-        (selection.chosen.effects, reason) if not refused else ((), reason_of(ValidationTests(evidence, evidence.base)))
-    )
+    reason = reason_of(t, selection.conflict)
+    refused = evidence.output_error.refusal(evidence.base, selection.chosen) if selection.asked else ""
+    named, open_reason = bool(selection.chosen.effects), reason
+    if refused:  # what `add` was asked for is not named then: the label is that of the base model
+        named, open_reason = False, reason_of(ValidationTests(evidence, evidence.base))
     without = {n: t.without(n) for n in t.names}
     steps, sampled = t.steps(), t.sampled()
     return Verdict(
         selection=selection,
         base=evidence.base,  # asked for after these fits, which may have led further down
-        label="unexplained" if last else "missing" if names else "adequate",
+        label="unexplained" if open_reason else "missing" if named else "adequate",
         reason=reason,
         steps=steps,
         without=without,

@@ -85,10 +85,8 @@ class BoucWenHysteresis(Effect):
     def instead(cls, others: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
         if set(others) != {"dahl_presliding", "linear_stiffness"}:
             return {}
-        (F_c, sigma), elastic = (
-            (others["dahl_presliding"][n] for n in ("F_c", "sigma")),
-            others["linear_stiffness"]["k"],
-        )
+        F_c, sigma = (others["dahl_presliding"][n] for n in ("F_c", "sigma"))
+        elastic = others["linear_stiffness"]["k"]
         if min(F_c, sigma, elastic) <= 0:
             return {}
         k, D = elastic + sigma, F_c / sigma

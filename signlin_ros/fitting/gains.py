@@ -96,11 +96,9 @@ def design(
     added = added if inputs is None else np.maximum(added, inputs)
     first = {s: INITIAL_VARIANCE * noise[s] ** 2 if s in noise else sizes.get(s, 1.0) ** 2 for s in states}
     begun = np.array([min(first[s], known.get(s, np.inf) ** 2) for s in states])
-    values, variances, seen = (
-        np.zeros((MAX_GAIN_SAMPLES, *C.T.shape)),
-        np.zeros((MAX_GAIN_SAMPLES, len(C))),
-        np.array([*noise.values()]) ** 2,
-    )
+    values = np.zeros((MAX_GAIN_SAMPLES, *C.T.shape))
+    variances = np.zeros((MAX_GAIN_SAMPLES, len(C)))
+    seen = np.array([*noise.values()]) ** 2
     used = kalman_gains(expm(A * dt), np.ravel(C), np.diag(added), seen, np.diag(begun), values, variances)
     weights = np.sqrt(variances[used - 1] / variances[:used])
     return ObserverGains(tau, states, values[:used].copy(), weights, np.array([added, begun]))

@@ -226,10 +226,8 @@ class SubsetSearch:
         """Tell whether a law's level is known, its parameters are possible, and it takes away a sure and visible part
         of the validation error: of what is left without it; of all that is missing, beside a simpler law of its family.
         """
-        free, shown = (
-            self.r.laws[name].free(dict(f.members)[name]),
-            self.r.criteria.min_share_per_parameter * self.base.validation_mse,
-        )
+        free = self.r.laws[name].free(dict(f.members)[name])
+        shown = self.r.criteria.min_share_per_parameter * self.base.validation_mse
         if not self._significant(f, name) or not self.improves(f, self.without(f, name), free):
             return False
         simpler = self._simpler(f, name)

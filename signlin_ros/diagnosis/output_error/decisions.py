@@ -124,10 +124,8 @@ class Decisions:
             return ""
         starts = [one.x for one in f.fit.candidate.starts.values() if place not in one.record.start]
         most = max((abs(float(x[f.model.states.index(place)])) for x in starts), default=0.0)
-        way, unit = (
-            max(float(np.ptp(one.position_range)) for one in (problem, self.validation)),
-            problem.units.get(place, ""),
-        )
+        way = max(float(np.ptp(one.position_range)) for one in (problem, self.validation))
+        unit = problem.units.get(place, "")
         return phrases.zero_beyond_travel(place, most, way, problem.shown(unit)) if most > way else ""
 
     @functools.cached_property

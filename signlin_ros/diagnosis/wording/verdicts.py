@@ -144,11 +144,9 @@ def _unsure(evidence: Evidence, verdict: Verdict) -> str:
         name, why = next(iter(whole.items()))
         return phrases.too_little(f"{listed([name])} would leave nothing but noise", why)
     for f in sorted(evidence.single_effect_fits, key=lambda f: f.n_parameters):
-        g, certainty, part = (
-            motion.improvement(verdict.base, f),
-            motion.t_ratio(verdict.base, f),
-            evidence.share_left(evidence.force_mse(f)),
-        )
+        g = motion.improvement(verdict.base, f)
+        certainty = motion.t_ratio(verdict.base, f)
+        part = evidence.share_left(evidence.force_mse(f))
         if evidence.force_shows(verdict.base) and (part is None or part > HALF):
             continue
         if g.mse_reduction > HALF and 0.0 < certainty < c.min_t and not g.worsens(c.max_rise_t, c.visible_change):
