@@ -148,25 +148,35 @@ def planned(tie: Tie, which: int, seed: int, folder: Path) -> Row:
     return row
 
 
-def judged(tie: Tie, which: int, folder: Path, row: Row) -> Row:
-    """Return what `diagnose` makes of the first record and of both runs of a plan."""
+def verdict(tie: Tie, which: int, records: Sequence[Path], told: Path) -> Row:
+    """Return what `diagnose` makes of records, the last of which validates, with the rivals of a plan's file."""
     names = set(tie.machines[which].names)
-    model, data = read(tie, [folder / f"{name}.csv" for name in ("first", "r0", "r1")])
+    model, data = read(tie, records)
     started = time.process_time()
-    told = json.loads((folder / "next.rivals.json").read_text())["rivals"]
-    planned = [PlannedRival.of_json(one) for one in told]
-    row["of_interest"] = of_interest(tie, which, planned)
-    found = diagnose(model, data[:-1], data[-1:], jobs=1, rivals=planned)
+    found = diagnose(model, data[:-1], data[-1:], jobs=1, rivals=rivals_in(told))
     named = list(found.ladder[-1].effects)
     confirmed = [e.effect for e in found.ranking if e.status == "confirmed" and e.effect in named]
-    row |= {"named": named, "confirmed": confirmed, "then": found.verdict, "told": found.sentence}
-    row["judged_cpu"], there = time.process_time() - started, names | set(tie.machines[which].listed)
-    row["right"] = names <= set(named) <= there
-    row["wrong"] = bool(set(confirmed) - there) and found.verdict != "unexplained"
+    there = names | set(tie.machines[which].listed)
+    row: Row = {"named": named, "confirmed": confirmed, "then": found.verdict, "told": found.sentence}
+    row |= {"judged_cpu": time.process_time() - started, "right": names <= set(named) <= there}
+    return row | {"wrong": bool(set(confirmed) - there) and found.verdict != "unexplained"}
+
+
+def rivals_in(told: Path) -> list[PlannedRival]:
+    """Return the rivals of a plan's file."""
+    return [PlannedRival.of_json(one) for one in json.loads(told.read_text())["rivals"]]
+
+
+def judged(tie: Tie, which: int, folder: Path, row: Row) -> Row:
+    """Return what `diagnose` makes of the first record and of both runs of a plan."""
+    told, records = folder / "next.rivals.json", [folder / f"{name}.csv" for name in ("first", "r0", "r1")]
+    planned = rivals_in(told)
+    row |= {"of_interest": of_interest(tie, which, planned)} | verdict(tie, which, records, told)
     if row.get("kept") and "seen" not in row:
+        model, data = read(tie, records[:2])
         rivals = rivals_of(diagnose(model, data[:1], jobs=1), model, data[:1])
         kept = [r for r in rivals if "+".join(r.effects).replace("_", " ") in row["kept"]]
-        row["seen"] = margin(tie, which, data[:2], kept, planned)
+        row["seen"] = margin(tie, which, data, kept, planned)
     return row
 
 

@@ -56,7 +56,7 @@ def case(tie: Tie, which: int, seed: int, folder: Path) -> dict[str, Any]:
 
 
 def main() -> None:
-    rows = each_machine(case, __doc__, "texts.jsonl")
+    rows = each_machine({"refit": case}, __doc__, "texts.jsonl")
     reach = [row for row in rows if row["texts"] >= ENOUGH]
     print(f"{ENOUGH:g} by the plan, where a text has it: {sum(r['plan'] >= ENOUGH for r in reach)} of {len(reach)}")
     as_good = sum(row["plan"] >= PART_OF_BEST * row["same_peak"] for row in rows)
