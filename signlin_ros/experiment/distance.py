@@ -31,8 +31,8 @@ MAX_REFIT_STEPS, ENDS = 8, 0.01
 refit so far."""
 MIN_MOTION_OVER_NOISE = 4.0
 """Times its noise that a channel of the motion must move by (RMS) with every rival."""
-MARGIN_STARTS = 2
-"""Sigma points from which the wrong rival of a noisy record is refitted, beside its estimate."""
+OWN_STARTS = 2
+"""Sigma points from which a rival is refitted to a noisy record of itself, where it cannot be followed as it is."""
 KEPT_SAMPLES = 2_000_000
 """Samples of motions that are kept: searches for other pairs look at the same commands again."""
 LOST = 1e12
@@ -131,17 +131,27 @@ class RivalBench:
         cost, theta = self._best(c, s, [c.theta, *c.minima] if starts is None else starts)
         return (cost if cost >= LOST else _compressed(cost, s)), theta
 
+    def imitated(self, j: int, s: PreparedSegment) -> tuple[float, Array]:
+        """Return the least distance of a rival from a record, refitted from its estimate and from every sigma point,
+        and where that is. Each refit goes on to its own end: what one step foretells of a law with a memory says little
+        of where several lead.
+        """
+        c = self.contenders[j]
+        ends = [self._descended(c, s, start) for start in (c.theta, *c.sigma_points)]
+        cost, theta = min(ends, key=lambda one: one[0])
+        return (cost if cost >= LOST else _compressed(cost, s)), theta
+
     def squares(self, j: int, s: PreparedSegment, theta: Array) -> float:
         """Return the squares that a rival leaves of a record at some coordinates, in units of what a model leaves."""
         found = self._followed(self.contenders[j], theta, s)
         return LOST if found is None else float(found[0] @ found[0])
 
-    def margin(self, pair: Pair, s: PreparedSegment, own: float) -> float:
-        """Return -2 log likelihood of a noisy record by which the second rival of a pair is behind the first, the true
-        one, which leaves ``own`` squares: refitted with what first records know, the variance unknown.
+    def margin(self, j: int, s: PreparedSegment, own: float, starts: Sequence[Array]) -> float:
+        """Return -2 log likelihood of a noisy record by which a rival is behind the true one, which leaves ``own``
+        squares: refitted from its estimate and from some ``starts`` with what first records know, the variance unknown.
         """
-        other = self.contenders[pair[1]]
-        cost, _ = self._best(other, s, [other.theta, *other.sigma_points[:MARGIN_STARTS]], own)
+        other = self.contenders[j]
+        cost, _ = self._best(other, s, [*starts, other.theta], own)
         return 0.0 if max(own, cost) >= LOST else float(s.y.size * np.log(cost / max(own, 1e-12)))
 
     def left(self, i: int, s: PreparedSegment, theta: Array) -> float:
@@ -151,7 +161,7 @@ class RivalBench:
         """
         c = self.contenders[i]
         cost = self._descended(c, s, theta)[0]
-        starts = [c.theta, *c.sigma_points[:MARGIN_STARTS]]
+        starts = [c.theta, *c.sigma_points[:OWN_STARTS]]
         return cost if cost < LOST else self._best(c, s, starts, float(s.y.size))[0]
 
     def _best(

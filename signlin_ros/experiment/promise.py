@@ -40,7 +40,8 @@ def promised(
     drawn = {i: _records(search, best.u, i) for i in dict.fromkeys(i for i, _ in every)}
     for i, j in dict.fromkeys((min(p), max(p)) for p in every):
         ways = [p for p in ((i, j), (j, i)) if p in least]
-        expected = min(foretold(search, best.u, p) for p in ways)
+        near = {p: _imitations(search, best.u, p) for p in ways}
+        expected = min(value for found_of in near.values() for value, _ in found_of)
         places = [k for k, p in enumerate(search.pairs) if set(p) == {i, j}]
         seen = float(best.certainties[places].min()) if best.certainties is not None and places else np.nan
         most, alike, nested = max(expected, 0.0), False, False
@@ -50,12 +51,15 @@ def promised(
             nested = most < NEEDED_EVIDENCE and _kin(bench.contenders[i], bench.contenders[j])
             way = richer(bench.contenders, i, j)
             imitated = nested and way in least and not _idle(search, best.u, way)
-            if imitated and max(foretold(search, best.u, way), _most(search, [way], every, whole)) < NEEDED_EVIDENCE:
+            least_of = min(value for value, _ in near[way]) if imitated else 0.0
+            if imitated and max(least_of, _most(search, [way], every, whole)) < NEEDED_EVIDENCE:
                 nested = False  # other parameters imitate what it adds, whichever the command: a symmetry
             alike = bool(most < NEEDED_EVIDENCE) and not nested
         else:
-            margins = [bench.margin(p, shown, own) for p in ways for shown, own in drawn[p[0]]]
-            expected = max(min(expected, *margins), 0.0) if margins else expected
+            for p in ways:
+                starts = [theta for _, theta in near[p]]
+                margins = [bench.margin(p[1], shown, own, starts) for shown, own in drawn[p[0]]]
+                expected = max(min([expected, *margins]), 0.0)
         so_far = abs(float(first[i] - first[j]))
         found.append(PlanText((names[i], names[j]), expected, seen, so_far, most, alike, nested))
     return found
@@ -110,12 +114,27 @@ def _idle(search: CommandSearch, u: Array, pair: Pair) -> bool:
     return bench.squares(simple, bench.segment(rich, run), theta) < NEEDED_EVIDENCE
 
 
+def _imitations(search: CommandSearch, u: Array, pair: Pair) -> list[tuple[float, Array]]:
+    """Return the distances of the second rival of a pair from the first one's estimate and its sigma points, and where
+    it comes nearest to each (n,).
+    """
+    bench, (i, j) = search.bench, pair
+    runs = [(theta, bench.run(i, search.t, u, theta)) for theta in _likely(search, i)]
+    found = [bench.imitated(j, bench.segment(i, run, theta)) for theta, run in runs if run is not None]
+    return [(0.0 if v >= LOST else v, at) for v, at in found] or [(0.0, bench.contenders[j].theta)]
+
+
+def _likely(search: CommandSearch, i: int) -> list[Array]:
+    """Return the coordinates (n,) at which a rival is thought to be true: its estimate, and the first sigma points."""
+    c = search.bench.contenders[i]
+    return [c.theta, *c.sigma_points[:SIGMA_POINTS]]
+
+
 def foretold(search: CommandSearch, u: Array, pair: Pair) -> float:
     """Return the smallest distance from a rival's estimate or one of its sigma points, the other one refitted from its
-    estimate and from its sigma points.
+    estimate and from its first sigma points: what commands are chosen by.
     """
-    c = search.bench.contenders[pair[0]]
-    values = [search.distance(pair, u, theta) for theta in (c.theta, *c.sigma_points[:SIGMA_POINTS])]
+    values = [search.distance(pair, u, theta) for theta in _likely(search, pair[0])]
     return min((v for v in values if np.isfinite(v)), default=0.0)
 
 
@@ -128,7 +147,7 @@ def _most(search: CommandSearch, ways: Sequence[Pair], every: Sequence[Pair], wh
 
 def _real(bench: RivalBench, t: Array, u: Array, pair: Pair) -> float:
     run = bench.run(pair[0], t, u)
-    cost = LOST if run is None else bench.refitted(pair[1], bench.segment(pair[0], run))[0]
+    cost = LOST if run is None else bench.imitated(pair[1], bench.segment(pair[0], run))[0]
     return 0.0 if cost >= LOST else cost
 
 

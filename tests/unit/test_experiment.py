@@ -604,6 +604,36 @@ def test_what_is_known_about_one_minimum_is_not_asked_of_another(theta, at):
     assert behind == 4.0 * at
 
 
+class ToneBench(RivalBench):
+    """A rival whose record is a tone of a frequency that it has to find."""
+
+    def _followed(self, c, theta, s):
+        return 10.0 * (np.sin(theta[0] * s.t) - s.y[:, 0]), 10.0 * (s.t * np.cos(theta[0] * s.t))[:, None]
+
+
+def test_what_is_promised_does_not_trust_a_single_step_of_a_refit():
+    """From beside the other minimum one step foretells no less than the first minimum leaves, and several lead to 0."""
+    t = np.linspace(0.0, 10.0, 200)
+    shown = SimpleNamespace(t=t, y=np.sin(3.0 * t)[:, None])
+    whole = SimpleNamespace(bounds=(np.zeros(1), np.full(1, 10.0)))
+    c = Contender((), whole, np.array([4.2]), np.full((1, 1), 1e-9), minima=(np.array([3.4]),), behind=(0.0,))
+    bench = ToneBench(None, (c,), None, np.ones(1), {})
+    alone = [bench.refitted(0, shown, [start])[0] for start in (c.theta, c.minima[0])]
+    distance, where = bench.imitated(0, shown)
+    assert distance <= min(alone) < NEEDED_EVIDENCE < max(alone)
+    assert where[0] == pytest.approx(3.0, abs=1e-3)
+    assert bench.refitted(0, shown)[0] > NEEDED_EVIDENCE  # which screens many commands, and may give up
+    noisy = with_noise(shown, 0.1)
+    own = bench.squares(0, noisy, np.array([3.0]))
+    assert bench.margin(0, noisy, own, [where]) < 1.0 < NEEDED_EVIDENCE < bench.margin(0, noisy, own, [])
+
+
+def with_noise(shown, sd):
+    """Return a record with noise."""
+    noise = sd * np.random.default_rng(1).standard_normal(shown.y.shape)
+    return SimpleNamespace(t=shown.t, y=shown.y + noise)
+
+
 @pytest.mark.parametrize("law", ["play_friction", "pinching_hysteresis"])
 @pytest.mark.parametrize("sigma", [1.0, 1e6])
 def test_a_yielding_that_no_sample_resolves_is_of_no_interest(problem, law, sigma):
