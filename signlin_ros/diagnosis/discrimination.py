@@ -168,7 +168,9 @@ def _planned_with(rival: RefittedRival, final: FittedModel, more: Sequence[str])
 def _as_good(evidence: Evidence, final: FittedModel, f: FittedModel) -> bool:
     """Tell whether a rival is simpler than a model, as good, and surely better than the base."""
     simpler = bool(f.effects) and (len(f.effects), f.n_parameters) < (len(final.effects), final.n_parameters)
-    if not simpler or f.implausible or evidence.force_rises(final, f) or not _no_worse(evidence, final, f):
+    if not simpler or f.implausible or not _no_worse(evidence, final, f):
+        return False
+    if evidence.force_rises(final, f) and not _is_noise_of_way(f):
         return False
     return evidence.output_error.t_ratio(evidence.base, f) >= evidence.criteria.min_t
 
@@ -195,13 +197,18 @@ def _better(evidence: Evidence, final: FittedModel, one: RefittedRival) -> bool:
 
 
 def _raises(evidence: Evidence, before: FittedModel, after: FittedModel) -> bool:
-    """Tell whether a model leaves more force than another one, as surely as its motion must be better; not of what
-    remembers the way and leaves but noise of the motion: the noise of the measured way drives its force.
-    """
-    if after.residual_is_noise and any(EFFECTS[name].states for name in after.effects):
+    """Tell whether a model leaves more force than another one, as surely as its motion must be better."""
+    if _is_noise_of_way(after):
         return False
     change = evidence.force_change(before, after)
     return change is not None and evidence.force_rises(before, after) and change.t_ratio <= -evidence.criteria.min_t
+
+
+def _is_noise_of_way(f: FittedModel) -> bool:
+    """Tell whether the force that a model leaves says nothing against it: it remembers the way and leaves but noise of
+    the motion. The noise of the measured way drives its force.
+    """
+    return f.residual_is_noise and any(EFFECTS[name].states for name in f.effects)
 
 
 def loses(evidence: Evidence, rival: FittedModel, final: FittedModel) -> bool:

@@ -145,9 +145,10 @@ def test_without_rivals_nothing_is_said():
 # -------------------------------------------------------------------- who takes the place of what was chosen
 
 
-@pytest.mark.parametrize(("errs", "named"), [(1.0, "coulomb_friction"), (4.4, "stribeck_friction")])
-def test_a_simpler_rival_takes_the_place_only_of_what_is_no_sure_step_beyond_it(errs, named):
-    """Both look the same in a table; by 4.4 standard errors they are not."""
+def replaced(simple, errs, rises=False, noise=True):
+    """Return what is named where a simpler rival errs by some standard errors more than LuGre's friction, and the force
+    that it leaves surely ``rises``.
+    """
     motion = SimpleNamespace(
         t_ratio=lambda before, after: before.errs - after.errs,
         refusal=lambda before, after: "" if before.errs - after.errs >= DEFAULT_CRITERIA.min_t else "too little",
@@ -158,14 +159,35 @@ def test_a_simpler_rival_takes_the_place_only_of_what_is_no_sure_step_beyond_it(
         output_error=motion,
         criteria=DEFAULT_CRITERIA,
         base=fitted(errs=50.0),
-        force_rises=lambda before, after: False,
+        force_rises=lambda before, after: rises and after.effects == (simple,),
         force_change=lambda before, after: None,
     )
-    known = {"implausible": [], "residual_is_noise": True}
-    final = SimpleNamespace(effects=("stribeck_friction",), errs=0.0, n_parameters=3, log_mse=0.0, **known)
-    simple = SimpleNamespace(effects=("coulomb_friction",), errs=errs, n_parameters=1, log_mse=0.1, **known)
-    rivals = [RefittedRival(f.effects, f, f) for f in (simple, final)]
-    assert discriminated(given, Selection(final), rivals).chosen.effects == (named,)
+    known = {"implausible": [], "residual_is_noise": noise}
+    final = SimpleNamespace(effects=("lugre_friction",), errs=0.0, n_parameters=6, log_mse=0.0, **known)
+    other = SimpleNamespace(effects=(simple,), errs=errs, n_parameters=1, log_mse=0.1, **known)
+    rivals = [RefittedRival(f.effects, f, f) for f in (other, final)]
+    return discriminated(given, Selection(final), rivals).chosen.effects[0]
+
+
+@pytest.mark.parametrize(("errs", "named"), [(1.0, "coulomb_friction"), (4.4, "lugre_friction")])
+def test_a_simpler_rival_takes_the_place_only_of_what_is_no_sure_step_beyond_it(errs, named):
+    """Both look the same in a table; by 4.4 standard errors they are not."""
+    assert replaced("coulomb_friction", errs) == named
+
+
+@pytest.mark.parametrize(
+    ("simple", "noise", "named"),
+    [
+        ("dahl_presliding", True, "dahl_presliding"),
+        ("dahl_presliding", False, "lugre_friction"),
+        ("coulomb_friction", True, "lugre_friction"),
+    ],
+)
+def test_the_force_of_a_bristle_that_leaves_but_noise_speaks_for_no_richer_one(simple, noise, named):
+    """Dahl's friction, which was true, erred less than LuGre's with four parameters more, and its force rose: the noise
+    of the measured way bends a stiffer bristle.
+    """
+    assert replaced(simple, -0.6, rises=True, noise=noise) == named
 
 
 # -------------------------------------------------------------------- what no rival holds
