@@ -201,9 +201,11 @@ def prepare(model: Model, data: Sequence[ModelData], channels: tuple[str, ...] |
     x_scale = {name: float(max(peak, 1e-9)) for name, peak in zip(model.states, peaks, strict=True)}
     unknown = _unknown_of(u) * (not (model.plant.closed_loop or model.plant.motion_is_imposed()))
     levels = tuple(design(model, white, x_scale, dt, tau, known) for tau in taus)
-    if unknown.any():
-        added = input_variances(model, channels, unknown, dt)
+    added = input_variances(model, channels, unknown, dt) if unknown.any() else np.zeros(0)
+    if np.any(added > levels[-1].spread[0]):
         levels = (*levels, design(model, white, x_scale, dt, taus[-1], known, added))
+    else:  # the slowest observer allows for it already
+        unknown = np.zeros_like(unknown)
     observers, levels = levels, (uncorrected(model.states, len(channels)),) * 2 if model.plant.closed_loop else levels
     columns = dict(zip((*model.states, *model.inputs), (*X.T, *u.T), strict=True))
     ranges = {name: (float(np.nanmin(v)), float(np.nanmax(v))) for name, v in columns.items()}
