@@ -10,7 +10,7 @@ from pathlib import Path
 
 from signlin_ros.errors import InputError
 
-TEXT = (".csv", ".txt", ".tsv", ".dat", ".log", ".lvm", ".trace", ".jsonl", ".ndjson")
+TEXT = (".csv", ".txt", ".tsv", ".dat", ".log", ".lvm", ".trace", ".asc", ".prn", ".jsonl", ".ndjson")
 PACKED = (".gz", ".zip", ".bz2", ".xz")
 BAGS = (".mcap", ".db3")
 ARRAYS = (".mat", ".npz", ".h5", ".hdf5")

@@ -201,7 +201,7 @@ def prepare(model: Model, data: Sequence[ModelData], channels: tuple[str, ...] |
     x_scale = {name: float(max(peak, 1e-9)) for name, peak in zip(model.states, peaks, strict=True)}
     unknown = _unknown_of(u) * (not (model.plant.closed_loop or model.plant.motion_is_imposed()))
     levels = tuple(design(model, white, x_scale, dt, tau, known) for tau in taus)
-    added = input_variances(model, channels, unknown, dt) if unknown.any() else np.zeros(0)
+    added = input_variances(model, channels, unknown, dt) if unknown.any() else np.zeros(1)
     if np.any(added > levels[-1].spread[0]):
         levels = (*levels, design(model, white, x_scale, dt, taus[-1], known, added))
     else:  # the slowest observer allows for it already

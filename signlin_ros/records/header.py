@@ -14,6 +14,7 @@ from signlin_ros.names import TIME_NAMES
 
 _BRACKETS = re.compile(r"(?P<gap> ?)(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*(?:\([^()]*\)[^()]*)?)\))")
 _AFTER = re.compile(r"(?P<name>[^/,]*[^/, ]) ?(?:, ?|/ ?(?=\(?[^/]+(?:/[^/]+)?\)?\Z))\(?(?P<unit>[^,()]+)\)?\Z")
+_QUOTIENT = re.compile(r"(?P<name>.*[^_])_(?P<unit>[^_/, ]+/[^_/, ]+)\Z")
 _IN = re.compile(r"(?P<name>.*?)(?:^|\s)in (?P<unit>\S+)\Z")
 _FURTHER = "elapsed elapsed_time time_stamp datetime date_time date/time clock uptime ros_time tout rel_time stime utc"
 _FURTHER += " x_value sec secs seconds millis micros zeit date ms_today"
@@ -141,6 +142,9 @@ def _taken_apart(label: str) -> Heading:
             continue
         if match.start() and (spaced or (square and not unit) or _known(unit)):
             return Heading(label, label[: match.start()].rstrip(" /"), unit)
+    quotient = None if topic else _QUOTIENT.match(label)
+    if quotient is not None and _known(quotient["unit"]):
+        return Heading(label, quotient["name"], quotient["unit"])
     after = None if topic or _IN.match(label) else _AFTER.match(label)
     if after is not None and _known(after["unit"].strip()):
         return Heading(label, after["name"], after["unit"].strip())

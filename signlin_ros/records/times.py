@@ -28,6 +28,12 @@ Array = npt.NDArray[np.float64]
 _EPOCHS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _SINCE, _UNTIL = 1e9, 4.2e9
 """Times in s since 1970, 2001 to 2103."""
+_DATES = ((2e4, 8e4), (6.9e5, 7.7e5))
+"""Dates of this time in days: of spreadsheets, since 1900 or 1904; of MATLAB, since the year 0."""
+_LONGEST_DATED_STEP = 1e-5
+"""A time that reads as such a date, with smaller steps than this, is in days: in s it would be one of 100 kHz."""
+_COUNTERS, _MOST_STEPS_OVER = (8, 16, 24, 32), 3.0
+"""Bits of counters that a time may be of; steps from row to row, in usual ones, over which one overflows."""
 _SLOWEST = 60.0
 """A recorder does not take longer from row to row, in s."""
 _LARGEST_SECONDS = 1e11
@@ -80,6 +86,10 @@ def times_of(table: RawTable, signals: Mapping[str, str]) -> Times:
     )
     text = [repr(note.channel) for note in table.notes if note.kind == "left_out" and note.channel]
     kind += f" (text is left out: {', '.join(text)})" if text else ""
+    if table.rows.number.size < len(labels) / 10:
+        kind += (
+            f"; there are {len(labels)} columns of {table.rows.number.size} rows: if the signals are in rows, turn it"
+        )
     raise RecordError(
         f"{table.source}: {kind}; {listing(labels)}; name it with --signal t=COLUMN (or signals: {{t: COLUMN}}), "
         "or say --dt 0.01 where the rows are 0.01 s apart"
@@ -184,6 +194,9 @@ def _column(table: RawTable, head: Heading, unit: str) -> Times:
         raise RecordError(
             f"{table.source}: the time column {head.label!r} is in {unit!r}; allowed: s, ms, us, ns, min, h; {HOW}"
         )
+    if raw.size:
+        raw, from_first, wrapped = _unwrapped(raw, from_first, step)
+        notes += [Note(f"{head.label!r} {wrapped}", "clock", "t")] if wrapped else []
     if not unit:
         found = _epoch(float(raw[0]), step) if raw.size else ""
         if not found and np.abs(raw).max(initial=0.0) > _LARGEST_SECONDS:
@@ -192,10 +205,14 @@ def _column(table: RawTable, head: Heading, unit: str) -> Times:
                 f"state its unit, e.g. '{head.label} [ns]' in the header or --signal 't = {head.label} [ns]'"
             )
         how = units.conversion(found, "s") or (1.0, "s")
-        if found not in ("", "s"):
+        if found == "day":
+            notes.append(Note(f"{head.label!r} is taken for dates in days, as its numbers say", "clock", "t"))
+        elif found not in ("", "s"):
             notes.append(Note(f"{head.label!r} is taken for {found} since 1970, as its numbers say", "clock", "t"))
     begin = float(raw[0]) * how[0] if raw.size else 0.0
-    if abs(begin) > CALENDAR and (how[0] != 1.0 or head.label in table.exact):
+    if found == "day":
+        t = units.scaled(from_first, how[0])
+    elif abs(begin) > CALENDAR and (how[0] != 1.0 or head.label in table.exact):
         notes.append(Note(f"time counts from the first row, {begin:.3f} s after 1970", "clock", "t"))
         t = units.scaled(from_first, how[0])
     else:
@@ -215,11 +232,28 @@ def _check_finite(table: RawTable, t: Array) -> None:
 
 
 def _epoch(first: float, step: float) -> str:
-    """The unit in which a time counts from 1970, "" where it does not."""
+    """The unit in which a time counts from 1970, or the days of a spreadsheet's dates; "" where it does neither."""
     for unit, size in _EPOCHS.items():
         if _SINCE < first * size < _UNTIL and step * size < _SLOWEST:
             return unit
-    return ""
+    dated = any(least < first < most for least, most in _DATES)
+    return "day" if dated and 0.0 < step < _LONGEST_DATED_STEP else ""
+
+
+def _unwrapped(raw: Array, from_first: Array, step: float) -> tuple[Array, Array, str]:
+    """A time (R,) as it is and from its first row, and what was done to it: one of a counter of so many bits goes on
+    where it begins at 0 again.
+    """
+    backs, exact = np.diff(from_first), step > 0.0 and not (raw % 1).any() and raw.min() >= 0.0
+    falls = np.flatnonzero(backs < 0.0)
+    if not (exact and falls.size):
+        return raw, from_first, ""
+    for bits in _COUNTERS:
+        ahead = backs[falls] + 2.0**bits
+        if raw.max() < 2.0**bits and np.all((ahead > 0.0) & (ahead < _MOST_STEPS_OVER * step)):
+            added = 2.0**bits * np.cumsum(np.concatenate([[0.0], backs < 0.0]))
+            return raw + added, from_first + added, f"is of a counter of {bits} bits: it goes on where that overflows"
+    return raw, from_first, ""
 
 
 SLOW_STEPS = ((1e5, "ns"), (500.0, "us"), (0.5, "ms"))

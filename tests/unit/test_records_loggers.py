@@ -69,21 +69,31 @@ LOGGERS = {
     "columns.json": json.dumps({"rig": "x", "data": dict(zip(("t", "a", "b"), zip(*ROWS, strict=True), strict=True))}),
     "rows.json": json.dumps([{"t": t, "m": {"a": a}, "b": b, "ok": True, "s": "x"} for t, a, b in ROWS]),
     "foot.csv": "t;a;b\n" + "\n".join(f"{t};{a};{b}" for t, a, b in ROWS) + "\n\nMean;1;2\nLargest;3;4\n",
+    "zone.csv": "Zeitstempel;a;b\n"
+    + "\n".join(f"2024-07-01T10:05:{3 + t:06.3f}+02:00;{a:.9f};{b:.9f}".replace(".", ",") for t, a, b in ROWS),
+    "days.csv": "Date,a,b\n" + "\n".join(f"{45413.4 + t / 86400:.13f},{a},{b}" for t, a, b in ROWS),
+    "datenum.csv": "t,a,b\n"
+    + "\n".join(f"{739000 + 5 * k / 86400e3:.16g},{a},{b}" for k, (_, a, b) in enumerate(ROWS)),
+    "counter.csv": "tick_us,a,b\n"
+    + "\n".join(f"{(64000 + 5000 * k) % 2**16},{a},{b}" for k, (_, a, b) in enumerate(ROWS)),
+    "old.asc": "Time\ta\tb\ns\tV\tA\n" + "\n".join(f"{t}\t{a}\t{b}" for t, a, b in ROWS),
     "cut.csv": "t,a,b\n" + "\n".join(f"{t},{a},{b}" for t, a, b in ROWS) + "\n0.2,3\n",
 }
 
 
 NAMES = {"echo.txt": ("a", "load.b"), "blanks.txt": ("the a", "Motor b"), "tuples.txt": ("c2", "c3")}
 """What the signals are called, where not ``a`` and ``b``."""
+DAYS = {"days.csv": 1e-6, "datenum.csv": 2e-5}
+"""How well a time is known in s that is written in days."""
 
 
 @pytest.mark.parametrize("name", LOGGERS)
 def test_loggers_that_write_no_plain_table(name: str, tmp_path: Path) -> None:
     file = tmp_path / name
     file.write_text(LOGGERS[name])
-    record = read_record(file)
+    record = read_record(file, {"t": "tick_us"} if name == "counter.csv" else None)
     assert len(record) == 40
-    np.testing.assert_allclose(np.diff(record.t), 0.005, atol=1e-9)
+    np.testing.assert_allclose(np.diff(record.t), 0.005, atol=DAYS.get(name, 1e-9))
     for column, signal in zip(np.array(ROWS).T[1:], NAMES.get(name, ("a", "b")), strict=True):
         np.testing.assert_allclose(record.signals[record.require(signal)].values, column, atol=1e-9)
 
@@ -129,10 +139,11 @@ def test_a_workbook_is_to_be_saved_as_text(tmp_path: Path) -> None:
         read_record(tmp_path / "run.xlsx")
 
 
-def test_a_time_of_day_that_is_called_otherwise_is_named(tmp_path: Path) -> None:
-    (tmp_path / "run.csv").write_text("at,a\n" + "\n".join(f"10:05:{3 + t:06.3f},{a}" for t, a, _ in ROWS))
-    with pytest.raises(RecordError, match=r"no time column .*text is left out: 'at'"):
-        read_record(tmp_path / "run.csv", wanted=["a"])
+def test_a_time_of_day_is_the_time_whatever_it_is_called(tmp_path: Path) -> None:
+    (tmp_path / "run.csv").write_text("at,a,b\n" + "\n".join(f"10:05:{3 + t:06.3f},{a},x" for t, a, _ in ROWS))
+    record = read_record(tmp_path / "run.csv", wanted=["a"])
+    assert np.diff(record.t) == pytest.approx(0.005)
+    assert any("'at' holds times of day" in note for note in record.notes)
     assert np.diff(read_record(tmp_path / "run.csv", {"t": "at"}).t) == pytest.approx(0.005)
 
 

@@ -52,6 +52,16 @@ def test_struct(tmp_path: Path) -> None:
     assert record.find("data.voltage") == "voltage"
 
 
+def test_a_structure_with_time_and_several_signals(tmp_path: Path) -> None:
+    path = tmp_path / "run.mat"
+    rows = [(2 * T[:, None], "voltage"), (3 * T[:, None], "<speed>"), (4 * T[:, None], "")]
+    signals = np.array(rows, dtype=[("values", "O"), ("label", "O")])
+    savemat(path, {"scope": {"time": T[:, None], "signals": signals, "blockName": "rig/scope"}})
+    record = read_record(path)
+    assert {n: one.values[-1] for n, one in record.signals.items()} == {"voltage": 2.0, "speed": 3.0, "3": 4.0}
+    assert record.find("scope.speed") == "speed"
+
+
 def test_time_under_another_name(tmp_path: Path) -> None:
     path = tmp_path / "run.mat"
     savemat(path, {"uhr": T, "u": T})

@@ -5,7 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from signlin_ros.fitting.prepare import prepared
+from signlin_ros.model import Model
 from signlin_ros.noise import white_floor
+from signlin_ros.records import ModelData
+from signlin_ros.simulation import simulate
 
 RNG = np.random.default_rng(3)
 T = np.arange(4000) * 0.004
@@ -38,3 +42,15 @@ def test_the_noise_of_a_measured_input_is_found(signal, share):
 )
 def test_a_command_has_no_noise(command):
     assert white_floor(command) < 1e-3 * max(float(command.std()), 1e-12)
+
+
+@pytest.mark.parametrize(("share", "counts"), [(1e-9, False), (0.02, True)], ids=["digits of a file", "a sensor"])
+def test_noise_that_the_slowest_observer_allows_for_needs_no_other_one(share, counts):
+    model = Model.load("mass_spring_damper").without_effect("coulomb_friction")
+    force = SMOOTH + share * SMOOTH.std() * RNG.normal(size=SMOOTH.size)
+    shown = simulate(model, T, SMOOTH[:, None])["displacement"]
+    measured = {"displacement": shown + 1e-3 * shown.std() * RNG.normal(size=T.size)}
+    data = ModelData(T, force[:, None], measured, None, model.inputs, model.states, model.units)
+    problem, _ = prepared(model, [data], [data])
+    assert bool(problem.input_noise.any()) is counts
+    assert len(problem.observer_gains) == 4 + counts

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from signlin_ros.diagnosis.output_error.score import blocks_per_record, log_mse, windowed
-from signlin_ros.diagnosis.output_error.trials import CandidateParts, Trial
+from signlin_ros.diagnosis.output_error.trials import CandidateParts, Trial, completed
 from signlin_ros.effects import EFFECTS
 from signlin_ros.fitting.candidate import Candidate
 from signlin_ros.fitting.fit import Fit, evaluated, fit, further
@@ -233,7 +233,8 @@ def cross_entropy_fit(problem: Problem, before: Fit, trial: Trial, each: Each) -
         return f.objective if f else np.inf
 
     best = _bred(np.log([[one[n] for n in free] for one in trial.starts]), cost, each)[:BRED_KEPT]
-    starts = [{**trial.starts[0], **dict(zip(free, np.exp(z).tolist(), strict=True))} for z in best]
+    points = [{**trial.starts[0], **dict(zip(free, np.exp(z).tolist(), strict=True))} for z in best]
+    starts = [completed(problem, trial.effect, one) for one in points]
     candidates = [parts.extended(trial.name, start).candidate(problem) for start in starts]
     return cheapest(fit(problem, c, middle, None, LAST_STEPS) for c in candidates)
 

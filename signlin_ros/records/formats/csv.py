@@ -30,7 +30,7 @@ from signlin_ros.records.formats.layout import Layout, by_number, labelled, layo
 from signlin_ros.records.formats.loggers import plain, raw_frames
 from signlin_ros.records.formats.regular import regular
 from signlin_ros.records.formats.stamps import directions, times_of_day
-from signlin_ros.records.header import Heading, heading
+from signlin_ros.records.header import Heading, clock, heading
 from signlin_ros.records.notes import Note
 from signlin_ros.records.table import Rows
 
@@ -230,10 +230,11 @@ def _careful(text: _Text, headings: list[Heading], keep: Keep) -> RawTable:
         raise RecordError(f"{shape.source}: a quoted cell runs over the end of its line")
     _check_widths(shape, text.rows, rows)
     chosen, columns, notes = [], [], [*shape.notes, *text.notes]
+    untimed = clock(headings) is None
     for i, (head, column_cells) in enumerate(zip(headings, zip(*rows, strict=True), strict=True)):
         if not head.label and not any(column_cells):
             continue
-        told, column = _column(text, i, head, column_cells, keep(head, headings), notes)
+        told, column = _column(text, i, head, column_cells, keep(head, headings), untimed, notes)
         if column is None:
             notes.append(Note(f"column {head.label!r} holds text and is left out", "left_out", head.label))
             continue
@@ -277,9 +278,11 @@ def _nameless(width: int) -> str:
 
 
 def _column(
-    text: _Text, at: int, head: Heading, found: tuple[str, ...], keep: bool | None, notes: list[Note]
+    text: _Text, at: int, head: Heading, found: tuple[str, ...], keep: bool | None, untimed: bool, notes: list[Note]
 ) -> tuple[Heading, Array | None]:
-    """The heading and numbers of column `at` (R,), None for a column of text. A missing sample is NaN."""
+    """The heading and numbers of column `at` (R,), None for a column of text. A missing sample is NaN. Where no column
+    is called a time (``untimed``), one of dates and times is it.
+    """
     comma = at in text.commas
     try:
         numbers = [float("nan") if cell.lower() in EMPTY_CELLS else _number(cell, comma) for cell in found]
@@ -290,7 +293,7 @@ def _column(
     if measured is not None:
         notes.append(Note(f"column {head.label!r} states its unit in every cell: {measured[0]}", "format", head.label))
         return replace(head, unit=head.unit or measured[0]), measured[1]
-    times = times_of_day(found) if keep is True else None
+    times = times_of_day(found) if keep is True or untimed else None
     if times is not None:
         notes.append(Note(f"{head.label!r} holds {times.what}; it counts in s from {times.start}", "clock", head.label))
         return replace(head, unit="s"), times.seconds

@@ -261,7 +261,7 @@ def _variables(variables: Mapping[str, Any], prefix: str = "") -> Iterator[tuple
         fields = _fields(value)
         if fields is None:
             yield prefix + name, value
-        elif {"time", "signals"} <= fields.keys() and _fields(fields["signals"]) is not None:
+        elif {"time", "signals"} <= fields.keys() and _each(fields["signals"]):
             yield from _simulink(f"{prefix}{name}", fields)
         else:
             yield from _variables(fields, f"{prefix}{name}.")
@@ -276,12 +276,21 @@ def _fields(value: Any) -> Mapping[str, Any] | None:
     return None
 
 
+def _each(value: Any) -> list[Mapping[str, Any]]:
+    """The fields of every struct of an array of them; none of anything else."""
+    if isinstance(value, np.ndarray) and value.dtype.names:
+        return [{field: one[field] for field in value.dtype.names} for one in value.reshape(-1)]
+    return [value] if isinstance(value, Mapping) else []
+
+
 def _simulink(name: str, fields: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """The time and the values of a structure with time."""
-    inside = _fields(fields["signals"]) or {}
+    """The time and the values of a structure with time; of several signals each under its label, or its number."""
     if np.size(fields["time"]):
         yield f"{name}.time", fields["time"]
-    yield name, inside.get("values", np.empty(0))
+    signals = _each(fields["signals"])
+    for number, one in enumerate(signals, 1):
+        label = "".join(map(str, np.ravel(one.get("label", ""))[:1])).strip(" <>") or str(number)
+        yield name if len(signals) == 1 else f"{name}.{label}", one.get("values", np.empty(0))
 
 
 def _no_vector(value: Any) -> str:
