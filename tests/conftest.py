@@ -7,6 +7,7 @@ yield to it. Each of them has a ROS domain of its own.
 
 from __future__ import annotations
 
+import gc
 import os
 import shutil
 import tempfile
@@ -74,6 +75,11 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         items.sort(
             key=_turn
         )  # ROS, then files, then what is handed out one by one, the longest first, and fills the gaps
+
+
+def pytest_collection_finish() -> None:
+    """Thousands of tests stay to the end: nobody looks through them for garbage again."""
+    gc.freeze()
 
 
 def _give_group(item: pytest.Item) -> None:
