@@ -13,7 +13,7 @@ SHARED := pyproject.toml constraints.txt package.xml $(wildcard config/* config/
 export PIP_NO_INPUT = 1
 export FASTRTPS_DEFAULT_PROFILES_FILE = $(abspath config/fastdds_profile.xml)
 
-.PHONY: help install test test-all quick limits check format docs demo demo-live demo-experiment soak workbench bench clean
+.PHONY: help install test test-all quick limits check lint types imports bytecode format docs demo demo-live demo-experiment soak workbench bench clean
 .DEFAULT_GOAL := help
 
 help:            ## this list
@@ -51,14 +51,16 @@ WORKERS ?= $(shell expr $$(nproc 2>/dev/null || echo 2) + 2)
 TESTS   ?= tests docs/learn
 test test-all quick: export OPENBLAS_NUM_THREADS ?= 1
 # Hundreds of processes are started: each would compile every module anew where Python is told to keep no bytecode.
-test test-all quick: export PYTHONDONTWRITEBYTECODE :=
+test test-all quick bytecode: export PYTHONDONTWRITEBYTECODE :=
 quick: WORKERS = logical
 PYTEST = $(BIN)/python -m pytest -q -p no:anyio -n $(WORKERS) --maxprocesses=8 --dist=loadgroup --no-loadscope-reorder
 
-test: check      ## lint, types, import rules and the tests, but for those that take long
+test: install    ## lint, types, import rules and the tests, but for those that take long
+	@$(MAKE) --no-print-directory -j2 $(CHECKS) bytecode
 	$(PYTEST) --nbmake -m 'not long and not limit' $(TESTS) $(PYTEST_ARGS)
 
-test-all: check  ## the same with the tests that take long
+test-all: install  ## the same with the tests that take long
+	@$(MAKE) --no-print-directory -j2 $(CHECKS) bytecode
 	$(PYTEST) --nbmake -m 'not limit' $(TESTS) $(PYTEST_ARGS)
 
 limits: install  ## the known failures (docs/limitations.md), strictly: one that has been mended shows here
@@ -69,11 +71,23 @@ quick: install   ## lint, and the tests that need neither time, nor a browser, n
 	$(BIN)/ruff format --check .
 	$(PYTEST) -m 'not slow and not ros and not limit' $(addprefix --ignore=tests/,diagnosis web ros independent) $(PYTEST_ARGS)
 
+CHECKS = types imports lint
 check: install   ## lint, types and import rules only
+	@$(MAKE) --no-print-directory -j2 $(CHECKS)
+
+lint: install
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+
+types: install
 	$(BIN)/mypy
+
+imports: install
 	$(BIN)/lint-imports
+
+# Tests are compiled with their assertions taken apart: once, beside the checks, not by every worker at once.
+bytecode: install
+	@$(BIN)/python -m pytest -q -p no:anyio --collect-only $(TESTS) > /dev/null 2>&1 || true  # the tests say why
 
 format: install  ## let ruff repair what it can
 	$(BIN)/ruff check --fix .

@@ -214,7 +214,7 @@ def _witnessed(told: ArmDiagnosis) -> ArmDiagnosis:
     """Return a diagnosis with what short forward simulations of unseen motion say of each law."""
     state, estimate = told.state, told.estimate
     laws = [(f.key.at, f.names) for f in told.found]
-    laws += [(m.joint, (f"{m.joint}.{m.effect}.{LINEAR[m.effect]}",)) for m in told.missing]
+    laws += [(m.joint, (f"{m.joint}.{m.effect}.{LINEAR_PARAMETERS[m.effect]}",)) for m in told.missing]
     whole = ahead(state, estimate)
     before = ahead(state, fit(_without_laws(state, estimate), state.rows, state.new))
     return replace(told, ahead=(before, whole), witnesses=tuple(witnesses(state, estimate, whole, laws)))
@@ -348,7 +348,7 @@ def _left_out(found: Study, state: State, estimate: CoefficientEstimate) -> list
         own = {use.type for key, use in found.model.effects.items() if key.partition(".")[0] == name}
         if not own or i in found.barred or i in found.link_side or i in alone:
             continue
-        for effect, linear in LINEAR.items():
+        for effect, linear in LINEAR_PARAMETERS.items():
             if own & _CONTAIN[effect]:
                 continue
             column = f"{i}.{effect}.{linear}"
@@ -364,7 +364,7 @@ def _left_out(found: Study, state: State, estimate: CoefficientEstimate) -> list
     return missing
 
 
-LINEAR = {"coulomb_friction": "mu", "viscous_friction": "b"}
+LINEAR_PARAMETERS = {"coulomb_friction": "mu", "viscous_friction": "b"}
 """Basic friction that a file may leave out, and its parameters."""
 _CONTAIN = {
     "coulomb_friction": {"coulomb_friction", "stribeck_friction", "load_dependent_stribeck"},

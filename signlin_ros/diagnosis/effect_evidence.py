@@ -150,13 +150,13 @@ def _turns(evidence: Evidence) -> bool:
 
 def _place(evidence: Evidence, computed: Array, waves: Sequence[Wave] = ()) -> Place:
     """Return the coordinate over which a force is most nearly a curve, for each direction of motion; of one that
-    repeats the position within a period of its strongest wave, or within a turn.
+    repeats the position within a period of its strongest wave, if the records hold one, or within a turn.
     """
     force, plant = evidence.equation_error, evidence.dataset.plant
     assert force is not None  # noqa: S101  asked before
     parts = force.validation.pieces
     velocity, position = _at(evidence, plant.velocity), _at(evidence, plant.position)
-    if waves:
+    if waves and waves[0].order * np.ptp(position) >= FULL_TURN:
         kept = _passing(velocity, waves[0], parts[0].cutoff)
         x, turns = folded(position[kept], waves[0].order), _turns(evidence)
         name = (

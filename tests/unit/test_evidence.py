@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from signlin_ros.comparison.waves import Wave
 from signlin_ros.diagnosis import add
-from signlin_ros.diagnosis.effect_evidence import _unexplained
+from signlin_ros.diagnosis.effect_evidence import _place, _unexplained
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.report.diagnosis_pictures import evidence_picture
@@ -82,3 +85,20 @@ def test_the_share_that_no_curve_over_a_coordinate_tells():
         < 0.9
         < _unexplained(x, np.ones(4000), x * np.sign(other))
     )
+
+
+@pytest.mark.parametrize(("order", "folds"), [(5e-324, False), (6.0, False), (70.0, True)])
+def test_only_a_wave_of_which_the_records_hold_a_period_folds_the_position(order, folds):
+    """A wave that a fit made a constant, of order 5e-324: its period is infinite, and so was every place in it."""
+    q = 0.1 * np.sin(np.arange(4000) * 0.01)
+    values = {"displacement": q, "velocity": np.gradient(q, 0.01)}
+    piece = SimpleNamespace(values=values, kept=np.ones(q.size, dtype=bool), cutoff=20.0, t=np.arange(q.size) * 0.01)
+    training = SimpleNamespace(shown=lambda unit: unit, units={"displacement": "m"})
+    evidence = SimpleNamespace(
+        equation_error=SimpleNamespace(validation=SimpleNamespace(pieces=(piece,))),
+        dataset=SimpleNamespace(plant=MASS.plant, training=training),
+    )
+    found = _place(evidence, 3.0 * q, [Wave(order, 1.0)])
+    assert np.isfinite(found.x).all()
+    assert (found.name == "displacement within a period") is folds
+    assert found.x.max() - found.x.min() <= min(np.ptp(q), 2 * np.pi / order)
