@@ -1,6 +1,7 @@
 """From a record to an effect: what inverse dynamics leaves is learned, and the model with it is better on new data."""
 
 import json
+from functools import cache
 from pathlib import Path
 
 import jsonschema
@@ -15,8 +16,10 @@ from signlin_ros.learning.missing import learn_missing, with_learned
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 
+pytestmark = pytest.mark.xdist_group("learned")  # what they share is worked out once
+
 STEP = 2e-3
-SIZE = 10_000
+SIZE = 5_000
 UNITS = {"displacement": "m", "force": "N", "velocity": "m/s"}
 BASE = Model.from_dict(
     {"plant": "mass_spring_damper", "parameters": {"m": 2.0, "c": 1.0, "k": 0.0}, "update_period": 0.05}
@@ -41,8 +44,13 @@ def record(seed):
     return ModelData(t, force[:, None], measured, None, ("force",), ("displacement", "velocity"), UNITS)
 
 
+@cache
+def learned_over(coordinate):
+    return learn_missing(BASE, record(1), coordinate)
+
+
 def test_a_friction_of_no_listed_shape_is_learned_over_the_speed_and_predicts_new_data():
-    learned = learn_missing(BASE, record(1), "speed")
+    learned = learned_over("speed")
     v = np.linspace(-0.6, 0.6, 241)
     assert learned.explained > 0.9
     assert np.sqrt(np.mean((learned.force(v) + law(v)) ** 2)) < 0.1 * np.sqrt(np.mean(law(v) ** 2))
@@ -53,8 +61,7 @@ def test_a_friction_of_no_listed_shape_is_learned_over_the_speed_and_predicts_ne
 
 
 def test_what_is_over_the_speed_is_not_over_the_position():
-    over_speed, over_position = (learn_missing(BASE, record(1), over) for over in ("speed", "position"))
-    assert over_position.unseen > 2 * over_speed.unseen
+    assert learned_over("position").unseen > 2 * learned_over("speed").unseen
 
 
 def test_a_coordinate_that_is_not_there_is_refused():
