@@ -72,25 +72,21 @@ class Evidence:
         one is the reference.
         """
         force, motion = self.equation_error, self.output_error
-        given, own = self.force_mse_as_written(motion.unfitted), self.force_mse_as_written(motion.base)
-        if (
-            force is None
-            or not force.effects
-            or given is None
-            or own is None
-            or (self.percent_of_effort(own) or 0.0) <= WHOLE_EFFORT
-        ):
+        given, fitted = (self.force_mse_as_written(f) for f in (motion.unfitted, motion.base))
+        if force is None or not force.effects or given is None or fitted is None:
             return self
-        complete = (
+        near_noise = (
             force.fit.validation_mse <= self.criteria.min_force_over_noise** 2 * self.force_noise_mse
             or motion.base.within_noise(self.criteria.min_force_over_noise)
         )
-        if complete or BlockChange(given, own).t_ratio > -self.criteria.min_t:
+        surely_more = BlockChange(given, fitted).t_ratio <= -self.criteria.min_t
+        if (self.percent_of_effort(fitted) or 0.0) <= WHOLE_EFFORT or near_noise or not surely_more:
             return self
-        told = force.with_laws(force.fit)
-        held = {n: told.value(n) for n in force.regression.names if n in told.parameters}
-        found = Evidence(self.dataset, motion.holding(held, motion.progress), force, motion.base, motion)
-        if (own := found.force_mse_as_written(found.base)) is not None and np.mean(own) > np.mean(given):
+        of_force = force.with_laws(force.fit)
+        values = {n: of_force.value(n) for n in force.regression.names if n in of_force.parameters}
+        found = Evidence(self.dataset, motion.holding(values, motion.progress), force, motion.base, motion)
+        held = found.force_mse_as_written(found.base)
+        if held is not None and np.mean(held) > np.mean(given):
             return replace(found, output_error=found.output_error.referring_to_given())
         return found
 

@@ -1007,7 +1007,9 @@ def test_a_richer_law_of_an_imposed_force_takes_half_of_what_is_left(rms, taken,
     base, found = Fit((), (3.0,), 2.0), Fit(("coulomb_friction",), (1.0,), 1.0)
     richer = Fit(("dahl_presliding",), (rms,), taken)
     object.__setattr__(
-        richer, "insignificant", lambda criteria: "" if known else "sigma is not known to better than half"
+        richer,
+        "insignificant",
+        lambda criteria: "" if known else "the standard error of sigma is more than half of its value",
     )
     object.__setattr__(richer, "level", 0.0)
     motion, force = Motion(base, imposed=True), equation_error_stub(*LAWS)

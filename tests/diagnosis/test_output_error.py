@@ -195,7 +195,7 @@ def test_a_wave_of_few_periods_is_believed_beside_noise_alone():
 
     more = {"wave": WAVE, "coulomb_friction": {"mu": 2.0}}
     found = motion(Model.from_dict({**BASE, "effects": more}), channels=BOTH)
-    assert "waves in the record" in found.refusal(found.base, found.fitted(["cogging_torque"]))
+    assert "periods of cogging_torque" in found.refusal(found.base, found.fitted(["cogging_torque"]))
 
 
 def test_it_is_told_that_a_wave_of_few_periods_need_not_go_on():

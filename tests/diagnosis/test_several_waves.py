@@ -50,4 +50,7 @@ def test_the_sum_of_waves_that_have_not_repeated_may_be_any_curve(tmp_path):
     found = diagnose(*sides)
     assert found.verdict == "unexplained"
     assert not [one for one in found.ranking if one.status in ("confirmed", "ambiguous")]
-    assert "torque ripple would leave nothing but noise, but torque_ripple has 0.6 waves" in found.sentence
+    assert (
+        "torque ripple would leave nothing but noise, but the records hold 0.6 periods of torque_ripple"
+        in found.sentence
+    )

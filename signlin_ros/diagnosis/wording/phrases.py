@@ -57,7 +57,7 @@ def too_little(what: str, why: str) -> str:
 
 AT_BOUND = "at its bound"
 NOT_EXCITED = "not excited: the record says nothing beyond the tolerance"
-TAKES_NOTHING = "beside the others it takes away less than shows of what is missing"
+TAKES_NOTHING = "beside the others it lowers no error visibly"
 
 
 def off_nominal(tolerances: float, ratio: float | None) -> str:
@@ -78,7 +78,7 @@ def ends_off(tolerances: float) -> str:
 
 def bent(names: str) -> str:
     """Return that an effect lowers the error only with base parameters far from nominal."""
-    return f"only with {names} that far from nominal it would take something away"
+    return f"it lowers the error only with {names} that far from nominal"
 
 
 def own_record(source: str) -> str:
@@ -88,12 +88,12 @@ def own_record(source: str) -> str:
 
 def not_real(key: str) -> str:
     """Return that an effect's values are those of something that its equation imitates."""
-    return f"the values of {key} are not those of a real one"
+    return f"the values of {key} are not physically plausible"
 
 
 def unknown(key: str) -> str:
     """Return that no coefficient of an effect is known."""
-    return f"nothing is known of {key}"
+    return f"the records do not identify {key}"
 
 
 def at_bound(name: str) -> str:
@@ -103,7 +103,7 @@ def at_bound(name: str) -> str:
 
 def vague(name: str) -> str:
     """Return that a parameter's standard error is more than half of it."""
-    return f"{name} is not known to better than half"
+    return f"the standard error of {name} is more than half of its value"
 
 
 def insignificant(name: str, t: float) -> str:
@@ -121,17 +121,17 @@ def insignificant_beside_rest(name: str, t: float) -> str:
 
 def beyond_limit(key: str) -> str:
     """Return that a limit was passed throughout."""
-    return f"the records lie all beyond {key}"
+    return f"all records lie beyond {key}"
 
 
 def few_waves(key: str, periods: float) -> str:
     """Return that the records hold too few periods of a wave."""
-    return f"{key} has {periods:.1f} waves in the record"
+    return f"the records hold {periods:.1f} periods of {key}"
 
 
 def wave_too_fast(key: str) -> str:
     """Return that a wave passes faster than samples can tell."""
-    return f"{key} passes a wave in less than two samples"
+    return f"a period of {key} passes in less than two samples"
 
 
 def zero_beyond_travel(place: str, distance: float, travel: float, unit: str) -> str:
