@@ -1,4 +1,4 @@
-"""What every test shares: markers by folder, the order of a parallel run, results that are kept, processor time.
+"""What every test shares: markers by folder, the order of a parallel run, processor time.
 
 A parallel run (``make test``) hands out whole files, so that what a module keeps is made once; the diagnoses, which
 take long, one by one; and all tests that start ROS processes to one worker, first of all and before the others, which
@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import gc
 import os
-import shutil
-import tempfile
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,7 +16,6 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from tests.once import FOLDER
 from tests.ros.forking import spent_by_copies
 
 HERE = Path(__file__).parent
@@ -39,16 +36,6 @@ settings.load_profile("signlin")
 
 def _in_a_worker(config: pytest.Config) -> bool:
     return hasattr(config, "workerinput")
-
-
-def pytest_configure(config: pytest.Config) -> None:
-    if not _in_a_worker(config):
-        os.environ[FOLDER] = tempfile.mkdtemp(prefix="signlin_tests_")
-
-
-def pytest_unconfigure(config: pytest.Config) -> None:
-    if not _in_a_worker(config) and FOLDER in os.environ:
-        shutil.rmtree(os.environ.pop(FOLDER), ignore_errors=True)
 
 
 # -------------------------------------------------------------------- markers and order
