@@ -16,11 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.arms.consistent import consistent
-from signlin_ros.arms.fit import CoefficientEstimate, fit
+from signlin_ros.arms.fit import CoefficientEstimate
 from signlin_ros.arms.heldout import MIN_VALIDATION_ERRORS
 from signlin_ros.arms.laws import across_gravity, force, unit_of
 from signlin_ros.arms.piece import BLOCK, EDGE, ArmSegment
 from signlin_ros.arms.search import State
+from signlin_ros.arms.warmth import in_record, sources_of
 from signlin_ros.filters import low_pass
 from signlin_ros.mathops import NumpyMath
 from signlin_ros.robots import Robot, inverse_dynamics
@@ -163,6 +164,7 @@ def _impulses(speed: Array, G: Array, largest: Array) -> Array:
 def ahead(state: State, estimate: CoefficientEstimate) -> Ahead:
     """Return how well an estimate foretells the velocities of unseen motion over windows of `WINDOW` s."""
     model, squares, blocks, count = ForwardModel(state, estimate), [], [], 0
+    laws, sources = model.laws, sources_of(*state.both)
     for piece in state.new.pieces:
         starts, steps = _windows(piece)
         if not starts.size:
@@ -171,6 +173,7 @@ def ahead(state: State, estimate: CoefficientEstimate) -> Ahead:
         tau = low_pass(piece.run.tau, min(2.0 * piece.band, 0.4 / piece.run.step), piece.run.step)[::every]
         at = starts[None, :] + np.arange(steps)[:, None]
         between = 0.5 * (tau[at] + tau[at + 1])
+        model.laws = in_record(estimate, laws, sources.index(piece.run.source))
         start = piece.q[starts], piece.v[starts], piece.a[starts]
         shown = model.velocities(*start, between, piece.step, RUNAWAY * np.abs(piece.v).max(axis=0))
         squares.append(np.mean((shown - piece.v[at + 1]) ** 2, axis=0))
@@ -198,7 +201,7 @@ def witnesses(
         if not all(name in estimate.design.names for name in names) or names[0].endswith(NOT_SIMULATED):
             yield None
             continue
-        less = fit(estimate.design.without(*names), state.rows, state.new, estimate.weights)
+        less = state.without(estimate, *names, weights=estimate.weights)
         without = ahead(state, less)
         yield compared(without, whole, at)
 

@@ -15,16 +15,8 @@ from numpy.typing import NDArray
 
 from signlin_ros.arms.ahead import Ahead, Witness, ahead, compared
 from signlin_ros.arms.data import ArmRun, resized, shifted, with_delays, with_gains
-from signlin_ros.arms.fit import fit
-from signlin_ros.arms.search import (
-    DELAY,
-    GAIN,
-    MIN_COEFFICIENT_ERRORS,
-    MIN_VALIDATION_SHARE,
-    Key,
-    SearchResult,
-    names_of,
-)
+from signlin_ros.arms.keys import DELAY, GAIN, Key, SearchResult, names_of
+from signlin_ros.arms.search import MIN_COEFFICIENT_ERRORS, MIN_VALIDATION_SHARE
 from signlin_ros.model.arm import ArmModel
 
 if TYPE_CHECKING:
@@ -111,9 +103,8 @@ def unmade(diagnosis: ArmDiagnosis, right: ArmDiagnosis, law: str) -> frozenset[
     if law != DELAY:
         return frozenset()
     laws, estimate = faults(diagnosis, law), diagnosis.estimate
-    design = estimate.design.without(*(name for fault in laws for name in fault.names))
-    without = fit(design, diagnosis.state.rows, diagnosis.state.new)
-    fall = 1.0 - (right.estimate.rms / without.rms) ** 2
+    without = diagnosis.state.without(estimate, *(name for fault in laws for name in fault.names))
+    fall = 1.0 - (right.estimate.matched_rms / without.matched_rms) ** 2
     shown = {fault.key: np.nanmax(fall) if fault.key.at < 0 else fall[fault.key.at] for fault in laws}
     return frozenset(key for key, share in shown.items() if not share > MIN_VALIDATION_SHARE)
 
@@ -156,8 +147,8 @@ def _foretold(fault: Fault, law: SearchResult, whole: Ahead) -> Witness | None:
 
 def _without(fault: Fault, names: Sequence[str]) -> Ahead:
     """Return how well velocities are foretold from efforts as they were recorded, without some columns."""
-    state, design = fault.diagnosis.state, fault.diagnosis.estimate.design.without(*names)
-    return ahead(state, fit(design, state.rows, state.new))
+    state = fault.diagnosis.state
+    return ahead(state, state.without(fault.diagnosis.estimate, *names))
 
 
 __all__ = ["FAULTS", "Fault", "delays", "faults", "not_again", "put_right", "shown", "told_with", "unmade"]

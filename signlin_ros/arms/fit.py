@@ -23,6 +23,8 @@ OFFSET, SPREAD = 0.12, 0.003
 """m by which centres of mass are off, and kg·m² per kg, at a tolerance of one."""
 WEIGHT_ROUNDS = 4
 """Times that the weights are worked out anew."""
+IN_RECORD = ".size_in_record."
+"""Within the names of columns that are a record's own: how large its friction is beside that of all records."""
 RIDGE = 1e-9
 """Of the largest column: what no column tells from another stays where it was."""
 
@@ -153,6 +155,31 @@ class CoefficientEstimate:
         return self.new.by_joint(self.unseen)
 
     @property
+    def matched(self) -> Array:
+        """The coefficients (k,) with which unseen records are as they were: the size of their friction is their own.
+
+        A record does not tell how warm it was before it is seen; all else stays as the fit has it.
+        """
+        own = np.array([IN_RECORD in name for name in self.design.names])
+        if not own.any():
+            return self.theta
+        w = self.weights[self.new.joint]
+        C, r = self.design.unseen[:, own] * w[:, None], self.unseen * w
+        theta: Array = self.theta.copy()
+        theta[own] += np.linalg.solve(self.G[np.ix_(own, own)] + C.T @ C, C.T @ r)
+        return theta
+
+    @property
+    def matched_unseen(self) -> Array:
+        """What is left of unseen rows (M,) where their records' friction is as large as it was."""
+        return np.asarray(self.new.y - self.design.unseen @ self.matched)
+
+    @property
+    def matched_rms(self) -> Array:
+        """RMS of that, joint by joint (n,)."""
+        return np.asarray(self.new.by_joint(self.matched_unseen))
+
+    @property
     def tension(self) -> float:
         """Mean square distance of the inertial parameters from their priors, in standard deviations."""
         sd = self.design.sd[: TEN * self.rows.n]
@@ -224,4 +251,4 @@ def rigid(
     return FitDesign(names, rows.Y, new.Y, robot.pi + carried, np.maximum(prior(robot, tolerance), 1e-12))
 
 
-__all__ = ["CoefficientEstimate", "FitDesign", "blocks", "fit", "prior", "rigid"]
+__all__ = ["IN_RECORD", "CoefficientEstimate", "FitDesign", "blocks", "fit", "prior", "rigid"]

@@ -16,18 +16,10 @@ from numpy.typing import NDArray
 
 from signlin_ros.arms.fit import CoefficientEstimate, FitDesign, fit
 from signlin_ros.arms.heldout import MIN_VALIDATION_ERRORS
+from signlin_ros.arms.keys import Key, SearchResult, names_of
 from signlin_ros.arms.laws import ASKED, EXTRA, JointLaw, shapes
 from signlin_ros.arms.piece import RegressionRows
-from signlin_ros.arms.search import (
-    MIN_VALIDATION_SHARE,
-    Key,
-    SearchResult,
-    State,
-    admissible,
-    names_of,
-    needed_errors,
-    settled,
-)
+from signlin_ros.arms.search import MIN_VALIDATION_SHARE, State, admissible, needed_errors, settled
 
 POWER_LAW = ASKED[0]
 CUBIC = "cubic_viscous_friction"
@@ -72,7 +64,7 @@ def _power_law(state: State, estimate: CoefficientEstimate, i: int) -> tuple[Key
         return None
     new, _ = min(tried, key=lambda pair: pair[1].objective)
     trial = settled(replace(state, terms=_with(state, new)), estimate)
-    visible = 1.0 - (trial.rms[i] / estimate.rms[i]) ** 2 > MIN_VALIDATION_SHARE
+    visible = 1.0 - (trial.matched_rms[i] / estimate.matched_rms[i]) ** 2 > MIN_VALIDATION_SHARE
     return (new, trial) if visible and _stands(state, estimate, new) else None
 
 
@@ -118,8 +110,8 @@ def _without(rows: RegressionRows, left_out: NDArray[np.bool_]) -> RegressionRow
 def _told(state: State, estimate: CoefficientEstimate, new: Key) -> SearchResult:
     """Return what is told of a power of speed beside all other laws."""
     at = estimate.design.at(names_of(new)[0])
-    without = fit(estimate.design.without(*names_of(new)), state.rows, state.new, estimate.weights)
-    one, rms = slice(at, at + 1), (without.rms, estimate.rms)
+    without = state.without(estimate, *names_of(new), weights=estimate.weights)
+    one, rms = slice(at, at + 1), (without.matched_rms, estimate.matched_rms)
     worth = float(np.nansum(np.log(rms[0]) - np.log(rms[1])))
     return SearchResult(new, names_of(new), estimate.theta[one], estimate.errors()[one], *rms, worth)
 

@@ -61,8 +61,8 @@ def _both(trial: CoefficientEstimate, names: tuple[str, ...]) -> tuple[tuple[Arr
 def _slope_errors(before: CoefficientEstimate, trial: CoefficientEstimate, joint: int) -> float:
     """Return by how many standard errors the slope of unseen residuals over what a law changes there is positive."""
     own = before.new.joint == joint
-    left, block = before.unseen[own], before.new.block[own]
-    change = left - trial.unseen[own]
+    left, block = before.matched_unseen[own], before.new.block[own]
+    change = left - trial.matched_unseen[own]
     size = float(change @ change)
     if size <= 0.0 or np.unique(block).size < LEAST_BLOCKS:
         return 0.0

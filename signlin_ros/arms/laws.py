@@ -65,10 +65,13 @@ ASKED = (JointLaw("power_law_friction", "c", "a", base="viscous_friction"),)
 
 
 class Loads:
-    """What the rigid body of a model exerts on the joints at every sample of some pieces, and its motors' efforts."""
+    """What the rigid body of a model exerts on the joints at every sample of some pieces, and its motors' efforts.
 
-    def __init__(self, robot: Robot, pi: Array) -> None:
-        self.robot, self.pi = robot, pi
+    ``friction``: the laws of friction beside it, as place, law, shape and coefficient.
+    """
+
+    def __init__(self, robot: Robot, pi: Array, friction: Sequence[tuple[int, JointLaw, float, float]] = ()) -> None:
+        self.robot, self.pi, self.friction = robot, pi, friction
         self._known: dict[int, Array] = {}
 
     def of(self, piece: ArmSegment) -> Array:

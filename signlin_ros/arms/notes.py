@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.arms.data import gains_of
-from signlin_ros.arms.search import GAIN, SearchResult
+from signlin_ros.arms.keys import GAIN, SearchResult
 from signlin_ros.arms.study import Study
+from signlin_ros.arms.warmth import differing
 
 if TYPE_CHECKING:
     from signlin_ros.arms.verbs import ArmDiagnosis
@@ -19,12 +21,29 @@ WEIGH = "a record with a known weight off its axis (payload: in the file) tells 
 """How the gain of an effort is told that is nearly all friction."""
 
 
-def urdf_notes(study: Study) -> list[str]:
-    """Return sentences on faults of the URDF."""
+def study_notes(study: Study) -> list[str]:
+    """Return sentences on the records, on friction that differs between them, and on faults of the URDF."""
+    return [*study.notes, *warmth_notes(study), *_urdf_notes(study)]
+
+
+def _urdf_notes(study: Study) -> list[str]:
     return [
         f"URDF: the body that {name} carries cannot exist: its pseudo-inertia has the eigenvalue {value:.2g} kg·m²"
         for name, value in study.robot.inconsistent().items()
     ]
+
+
+def warmth_notes(study: Study) -> list[str]:
+    """Return a sentence on joints whose friction differs between records beyond doubt."""
+    if study.warmth is None:
+        return []
+    found, sources = list[str](), [Path(source).name for source in study.warmth.sources]
+    for i, sizes in ((i, sizes) for i, sizes in differing(study.warmth) if i not in study.barred):
+        ends = dict.fromkeys([int(np.nanargmin(sizes)), int(np.nanargmax(sizes))])
+        found.append(f"{study.names[i]} {' to '.join(f'{sizes[k]:.2f} times ({sources[k]})' for k in ends)}")
+    said = "friction differs between the records (warm-up?)"
+    allowed = "laws are judged beside that; the table is not, as a model has one friction for all records"
+    return [f"{said}: {'; '.join(found)}; {allowed}"] if found else []
 
 
 def resized_notes(diagnosis: ArmDiagnosis) -> list[str]:
@@ -81,4 +100,4 @@ def weighed_beside(diagnosis: ArmDiagnosis) -> list[str]:
     return [f"{said}; a model that was refined without a load weighs it alone, with {better}"]
 
 
-__all__ = ["WEIGH", "payload_alone", "resized_notes", "unwritten", "urdf_notes", "weighed_beside"]
+__all__ = ["WEIGH", "payload_alone", "resized_notes", "study_notes", "unwritten", "warmth_notes", "weighed_beside"]

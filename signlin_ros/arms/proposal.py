@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from signlin_ros.arms.consistent import consistent, existing
 from signlin_ros.arms.fit import CoefficientEstimate
+from signlin_ros.arms.keys import Key
 from signlin_ros.arms.laws import across_gravity
-from signlin_ros.arms.search import Key, State
+from signlin_ros.arms.search import State
 from signlin_ros.arms.study import Study
 from signlin_ros.effects import find_effect
 from signlin_ros.model.arm import ArmModel

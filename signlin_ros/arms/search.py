@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
-from signlin_ros.arms.fit import CoefficientEstimate, FitDesign, blocks, fit, rigid
+from signlin_ros.arms.fit import IN_RECORD, CoefficientEstimate, FitDesign, blocks, fit, rigid
 from signlin_ros.arms.heldout import MIN_VALIDATION_ERRORS, again, foretells, ratio_on_all
+from signlin_ros.arms.keys import DELAY, GAIN, SEEN_ELSEWHERE, Key, SearchResult, names_of
 from signlin_ros.arms.laws import (
     BASIC,
     EXTRA,
@@ -32,6 +33,7 @@ from signlin_ros.arms.laws import (
     tilt,
 )
 from signlin_ros.arms.piece import RegressionRows
+from signlin_ros.arms.warmth import with_sizes
 from signlin_ros.robots import Robot
 from signlin_ros.robots.inertia import TEN, about_centre, moved
 
@@ -52,40 +54,6 @@ GIVEN = 0.3
 """Relative error of a motor's inertia that the file gives."""
 MAX_LAWS_ADDED = 12
 """Laws that are added, at most."""
-DELAY, GAIN = "sensor_delay", "sensor_gain"
-"""Names of the laws that an effort is recorded later than the motion, and that it shows another size than what acts."""
-SEEN_ELSEWHERE = ("compliant_load", GAIN)
-"""Laws of a joint that others may show: bodies that fit a wrong gain of one joint are wrong for its neighbours.
-
-No model that is written has them: a gain is taken out of the efforts first, an elastic gear has states of its own.
-"""
-
-
-@dataclass(frozen=True)
-class Key:
-    """What a law is called: its effect and joint; of the robot: ``payload``, ``tilt`` or ``coupling``, at -1."""
-
-    law: str
-    at: int
-    shape: float = 0.0
-
-    def same(self, other: Key) -> bool:
-        """Tell whether two laws are one, whatever their shapes."""
-        return (self.law, self.at) == (other.law, other.at)
-
-
-@dataclass(frozen=True, eq=False)
-class SearchResult:
-    """A law that stands: its columns, coefficients with standard errors, unseen RMS (n,) before and after, rivals."""
-
-    key: Key
-    names: tuple[str, ...]
-    values: Array
-    errors: Array
-    before: Array
-    after: Array
-    worth: float
-    rivals: tuple[Key, ...] = ()
 
 
 @dataclass(eq=False)
@@ -93,7 +61,8 @@ class State:
     """Where a search stands: the rows, the laws in the model so far, and what they were found by.
 
     ``barred``: joints of which nothing is told; ``known``: laws that are not searched for; ``lumped`` (10 n,): the
-    inertia of a payload that was found, as that of a point, which its columns leave out.
+    inertia of a payload that was found, as that of a point, which its columns leave out; ``spread``: standard deviation
+    of a record's size of friction around one, 0 where friction is the same in all.
     """
 
     robot: Robot
@@ -108,12 +77,15 @@ class State:
     tilts: bool = True
     known: frozenset[Key] = frozenset()
     lumped: Array | float = 0.0
+    spread: float = 0.0
     terms: list[tuple[Key, JointLaw | None]] = field(default_factory=list)
     found: list[SearchResult] = field(default_factory=list)
 
     def loads(self, estimate: CoefficientEstimate | None) -> Loads:
         """Return the loads of the rigid body as it is estimated, else as it is given."""
-        return Loads(self.robot, self.robot.pi + self.carried if estimate is None else self.body(estimate))
+        if estimate is None:
+            return Loads(self.robot, self.robot.pi + self.carried)
+        return Loads(self.robot, self.body(estimate), self.friction(estimate))
 
     def friction(self, estimate: CoefficientEstimate) -> list[tuple[int, JointLaw, float, float]]:
         """Return the laws of friction that were fitted: place, law, shape and coefficient of each."""
@@ -121,6 +93,18 @@ class State:
         found += [(key.at, law, key.shape, names_of(key)[0]) for key, law in self.terms if law is not None]
         known = set(estimate.design.names)
         return [(i, law, shape, estimate[name]) for i, law, shape, name in found if name in known]
+
+    def without(self, estimate: CoefficientEstimate, *names: str, weights: Array | None = None) -> CoefficientEstimate:
+        """Return the fit without some columns of an estimate; sizes of friction are those of the laws that stay.
+
+        ``weights`` (n,) of the joints are worked out where they are not given.
+        """
+        sizes = [name for name in estimate.design.names if IN_RECORD in name]
+        less = fit(estimate.design.without(*names, *sizes), self.rows, self.new, weights)
+        if sizes:
+            design = with_sizes(less.design, self.both, self.friction(less), self.loads(estimate), self.spread)
+            less = fit(design, self.rows, self.new, weights)
+        return less
 
     def body(self, estimate: CoefficientEstimate) -> Array:
         """Return the inertial parameters (10 n,), a payload that was found on them."""
@@ -160,7 +144,7 @@ class State:
         for key, term in self.terms:
             known, unseen = self.columns(key, term, loads)
             found = found.plus(names_of(key), known, unseen)
-        return found
+        return with_sizes(found, self.both, loads.friction, loads, self.spread) if self.spread else found
 
     @property
     def both(self) -> tuple[RegressionRows, RegressionRows]:
@@ -201,13 +185,6 @@ class State:
             yield from ((Key(name, i), None) for name in (GAIN, "compliant_load", DELAY) if Key(name, i) not in taken)
         of_all = {"payload": self.payload_at is not None, "tilt": self.tilts, DELAY: self.tilts}
         yield from ((Key(name, -1), None) for name, may in of_all.items() if may and Key(name, -1) not in taken)
-
-
-def names_of(key: Key) -> tuple[str, ...]:
-    """Return the names of a law's columns."""
-    if key.law == "payload":
-        return ("payload.m", "payload.mx", "payload.my", "payload.mz")
-    return ("tilt.x", "tilt.y") if key.law == "tilt" else (f"{key.at}.{key.law}",)
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,7 +236,7 @@ def settled(state: State, estimate: CoefficientEstimate | None = None) -> Coeffi
     for _ in range(2):
         estimate = fit(state.design(state.loads(estimate)), state.rows, state.new)
         state.lumped = state.point(estimate)
-        if not any(law is None or law.loaded for _, law in state.terms):
+        if not state.spread and not any(law is None or law.loaded for _, law in state.terms):
             break
     return estimate  # type: ignore[return-value]
 
@@ -317,7 +294,7 @@ def _stands(
     law, key = promise.law, promise.key
     if _of_one_sign(key, law) and values[0] <= 0.0:
         return None
-    before, after = estimate.rms, trial.rms
+    before, after = estimate.matched_rms, trial.matched_rms
     with np.errstate(invalid="ignore", divide="ignore"):
         fall = 1.0 - (after / before) ** 2
         worth = float(np.nansum(np.log(before) - np.log(after)))

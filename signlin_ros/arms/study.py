@@ -14,6 +14,7 @@ from signlin_ros.arms.laws import BASIC, JointLaw, force
 from signlin_ros.arms.piece import ArmSegment, RegressionRows, chosen_band
 from signlin_ros.arms.repeats import repeated
 from signlin_ros.arms.search import State
+from signlin_ros.arms.warmth import Warmth
 from signlin_ros.effects import find_effect
 from signlin_ros.errors import InputError
 from signlin_ros.filters import sensor_noise
@@ -37,7 +38,8 @@ TURNED = 0.05
 class Study:
     """A model and its records: ``rows`` of the fit and ``new`` unseen ones, in one band (Hz).
 
-    ``barred``: joints of which nothing is told, and why; ``link_side``: joints whose effort has little friction in it.
+    ``barred``: joints of which nothing is told, and why; ``link_side``: joints whose effort has little friction in it;
+    ``warmth``: by how much friction differs between records, where there are several.
     """
 
     model: ArmModel
@@ -47,6 +49,7 @@ class Study:
     new: RegressionRows
     barred: dict[int, str] = field(default_factory=dict)
     link_side: dict[int, str] = field(default_factory=dict)
+    warmth: Warmth | None = None
     notes: list[str] = field(default_factory=list)
 
     @property
@@ -64,6 +67,11 @@ class Study:
     def carried(self) -> Array:
         """What the file's payload adds to the inertial parameters (10 n,)."""
         return self.model.robot.pi - self.robot.pi
+
+    def of_all(self) -> Study:
+        """Return the study of all rows: unseen ones are fitted to as well."""
+        rows = RegressionRows([*self.rows.pieces, *self.new.pieces])
+        return replace(self, rows=rows, new=rows)
 
     def with_motors(self, motors: Array) -> Study:
         """Return the study with another coupling."""
@@ -84,6 +92,7 @@ class Study:
             barred=barred,
             carried=self.carried,
             tilts=not silent,
+            spread=0.0 if self.warmth is None else self.warmth.spread,
         )
 
     @property

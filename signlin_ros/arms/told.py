@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from signlin_ros.arms.foretold import foretold_json, forward_json, forward_text, speed_unit
-from signlin_ros.arms.notes import WEIGH, payload_alone, resized_notes, unwritten, urdf_notes, weighed_beside
+from signlin_ros.arms.keys import DELAY, GAIN, SEEN_ELSEWHERE, Key, SearchResult
+from signlin_ros.arms.notes import WEIGH, payload_alone, resized_notes, study_notes, unwritten, weighed_beside
 from signlin_ros.arms.proposal import basic_of
-from signlin_ros.arms.search import DELAY, GAIN, SEEN_ELSEWHERE, Key, SearchResult
 from signlin_ros.arms.study import Study, unseen_noise
 from signlin_ros.arms.verbs import ArmComparison, ArmDiagnosis, MissingLaw
 from signlin_ros.effects import find_effect
@@ -43,7 +43,7 @@ def compared_json(comparison: ArmComparison, source: str, data: list[str]) -> di
         "model": source,
         "data": data,
         "samples": sum(len(run) for runs in study.runs for run in runs),
-        "notes": [*study.notes, *urdf_notes(study)],
+        "notes": study_notes(study),
     }
 
 
@@ -238,7 +238,7 @@ def _ranking(diagnosis: ArmDiagnosis) -> list[dict[str, Any]]:
 
 
 def _entry(study: Study, found: SearchResult) -> dict[str, Any]:
-    rivals = [name_of(study, key) for key in found.rivals if key.at == found.key.at]
+    rivals = [name_of(study, key) for key in found.rivals]
     return {
         "effect": name_of(study, found.key),
         "status": "ambiguous" if rivals else "confirmed",
@@ -364,7 +364,9 @@ def _whys(diagnosis: ArmDiagnosis) -> list[tuple[int, str]]:
 
 
 def _or(study: Study, found: SearchResult) -> str:
-    rivals = [key.law.replace("_", " ") for key in found.rivals if key.at == found.key.at]
+    """Return the laws that are as good as one, those of other joints by their full names."""
+    own = [key.law.replace("_", " ") for key in found.rivals if key.at == found.key.at]
+    rivals = [*own, *(name_of(study, key) for key in found.rivals if key.at != found.key.at)]
     return f" (or {', '.join(rivals)}: as good)" if rivals else ""
 
 

@@ -13,23 +13,16 @@ from signlin_ros.arms.coupling import find_coupling
 from signlin_ros.arms.data import ArmRun
 from signlin_ros.arms.detectable import detectable
 from signlin_ros.arms.faults import FAULTS, Fault, faults, not_again, put_right, told_with, unmade
-from signlin_ros.arms.fit import CoefficientEstimate, FitDesign, blocks, fit
+from signlin_ros.arms.fit import CoefficientEstimate, blocks, fit
 from signlin_ros.arms.forms import better_forms
 from signlin_ros.arms.heldout import MIN_VALIDATION_ERRORS
+from signlin_ros.arms.keys import SEEN_ELSEWHERE, Key, SearchResult, names_of
 from signlin_ros.arms.laws import ASKED, EXTRA, JointLaw, shapes
 from signlin_ros.arms.proposal import Proposal, proposal
-from signlin_ros.arms.search import (
-    MIN_COEFFICIENT_ERRORS,
-    MIN_VALIDATION_SHARE,
-    SEEN_ELSEWHERE,
-    Key,
-    SearchResult,
-    State,
-    names_of,
-    search,
-    settled,
-)
+from signlin_ros.arms.rivals import rivals_left
+from signlin_ros.arms.search import MIN_COEFFICIENT_ERRORS, MIN_VALIDATION_SHARE, State, search, settled
 from signlin_ros.arms.study import LINK_SIDE, Study, study
+from signlin_ros.arms.warmth import Warmth, sources_of, warmth
 from signlin_ros.errors import ModelError, choices, suggest
 from signlin_ros.model.arm import ArmModel
 from signlin_ros.plants.arm import parted
@@ -121,14 +114,19 @@ def _compared(found: Study) -> ArmComparison:
     as_given = found.as_given(found.new)
     own = found.new.by_joint(found.left(found.model, found.new))
     table = JointTable(as_given, rigid, basic.rms, own)
-    return ArmComparison(found, table, basic, _all_data(found, basic))
+    whole = found.of_all()
+    all_data = settled(whole.state())  # the best numbers of basic friction, not a test
+    found.warmth = _warmth(whole, _in_file(found))
+    return ArmComparison(found, table, basic, all_data)
 
 
-def _all_data(found: Study, basic: CoefficientEstimate) -> CoefficientEstimate:
-    """Return basic friction fitted to all rows, unseen ones as well: the best numbers, not a test."""
-    rows = type(found.rows)([*found.rows.pieces, *found.new.pieces])
-    whole = replace(found, rows=rows, new=rows)
-    return settled(whole.state()) if len(rows) else basic
+def _warmth(whole: Study, laws: Sequence[tuple[Key, JointLaw | None]]) -> Warmth | None:
+    """Return by how much friction differs between the records of all rows beside some laws; None of one record."""
+    if len(sources_of(whole.rows)) < 2:
+        return None
+    state = replace(whole.state(), terms=list(laws), spread=0.0)
+    estimate = settled(state)
+    return warmth(estimate, state.friction(estimate), state.loads(estimate))
 
 
 def _look_at_rotors(found: Study, basic: CoefficientEstimate, rigid: Array) -> None:
@@ -207,6 +205,7 @@ def _searched(comparison: ArmComparison, progress: Progress, known: frozenset[Ke
     missing = _left_out(found, state, estimate)
     estimate = search(state, progress)
     estimate = better_forms(state, estimate, progress)
+    state.found = rivals_left(state, estimate)
     return _told(replace(comparison, study=found), state, estimate, missing, couplings)
 
 
@@ -216,13 +215,8 @@ def _witnessed(told: ArmDiagnosis) -> ArmDiagnosis:
     laws = [(f.key.at, f.names) for f in told.found]
     laws += [(m.joint, (f"{m.joint}.{m.effect}.{LINEAR_PARAMETERS[m.effect]}",)) for m in told.missing]
     whole = ahead(state, estimate)
-    before = ahead(state, fit(_without_laws(state, estimate), state.rows, state.new))
+    before = ahead(state, state.without(estimate, *(name for key, _ in state.terms for name in names_of(key))))
     return replace(told, ahead=(before, whole), witnesses=tuple(witnesses(state, estimate, whole, laws)))
-
-
-def _without_laws(state: State, estimate: CoefficientEstimate) -> FitDesign:
-    """Return the design without the laws that were found: rigid body and basic friction."""
-    return estimate.design.without(*(name for key, _ in state.terms for name in names_of(key)))
 
 
 @one_thread
@@ -295,7 +289,7 @@ def _replaced(key: Key, own: JointLaw, place: int, new: JointLaw) -> bool:
 
 def _borne_out(state: State, estimate: CoefficientEstimate) -> CoefficientEstimate:
     """Take out laws of the file that would drive their joints in these records; return the fit of those that stay."""
-    if not state.terms:
+    if not state.terms and not state.spread:
         return estimate
     while against := _driving(state, estimate := settled(state, estimate)):
         state.terms = [(key, law) for key, law in state.terms if key not in against]
@@ -326,7 +320,8 @@ def _told(
         for name, unit in (("m", "kg"), ("mx", "kg·m"), ("my", "kg·m"), ("mz", "kg·m")):
             at = estimate.design.at(f"payload.{name}")
             payload[name] = (float(estimate.theta[at]), float(errors[at]), unit)
-    compared = replace(comparison, table=replace(comparison.table, model=own))
+    again = replace(found, warmth=_warmth(found.of_all(), written.terms))
+    compared = replace(comparison, study=again, table=replace(comparison.table, model=own))
     laws = tuple(_as_settled(law, estimate) for law in state.found)
     return ArmDiagnosis(compared, state, estimate, laws, tuple(missing), tuple(couplings), new, payload)
 
@@ -354,13 +349,13 @@ def _left_out(found: Study, state: State, estimate: CoefficientEstimate) -> list
             column = f"{i}.{effect}.{linear}"
             at = estimate.design.at(column)
             value, error = float(fixed.theta[at]), float(errors[at])
-            without = fit(_apart(fixed.design, column), state.rows, state.new, estimate.weights)
-            fall = 1.0 - (fixed.rms[i] / without.rms[i]) ** 2
+            without = state.without(fixed, column, weights=estimate.weights)
+            fall = 1.0 - (fixed.matched_rms[i] / without.matched_rms[i]) ** 2
             sure = (
                 value >= MIN_COEFFICIENT_ERRORS * error and again.theta[at] >= MIN_VALIDATION_ERRORS * unseen_errors[at]
             )
             if sure and fall > MIN_VALIDATION_SHARE:
-                missing.append(MissingLaw(i, effect, value, error, without.rms, fixed.rms))
+                missing.append(MissingLaw(i, effect, value, error, without.matched_rms, fixed.matched_rms))
     return missing
 
 
@@ -371,10 +366,6 @@ _CONTAIN = {
     "viscous_friction": {"viscous_friction", "cubic_viscous_friction", "asymmetric_viscous_friction"},
 }
 """Effects that have an effect in them."""
-
-
-def _apart(design: FitDesign, column: str) -> FitDesign:
-    return design.without(column)
 
 
 __all__ = ["ArmComparison", "ArmDiagnosis", "JointTable", "MissingLaw", "add", "blocks", "compare", "diagnose"]

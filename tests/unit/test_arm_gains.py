@@ -10,8 +10,10 @@ from signlin_ros.arms import search
 from signlin_ros.arms.data import ArmRun, gains_of, resized, with_gains
 from signlin_ros.arms.faults import faults, not_again, shown, told_with
 from signlin_ros.arms.fit import FitDesign, fit
+from signlin_ros.arms.keys import DELAY, GAIN, Key, SearchResult
 from signlin_ros.arms.piece import RegressionRows
-from signlin_ros.arms.search import DELAY, GAIN, Key, SearchResult, _beside, _Promise, _stands
+from signlin_ros.arms.rivals import rivals_left
+from signlin_ros.arms.search import _beside, _Promise, _stands
 from signlin_ros.cli import main
 from signlin_ros.model import Model
 from tests.arm_records import record, small, written
@@ -91,20 +93,47 @@ class TwoJoints:
         self.a = rng.normal(size=2 * count)
         self.y = self.a * np.where(self.joint == 1, 0.8, 1.0) + self.noise[self.joint] * rng.normal(size=2 * count)
 
-    @property
-    def gain(self):
-        return (self.a * (self.joint == 1))[:, None]
+    def shown(self, i):
+        """What a gain of a joint adds to the rows."""
+        return (self.a * (self.joint == i))[:, None]
 
 
 def test_a_gain_stands_whose_neighbour_shows_it():
     known, unseen = TwoJoints(1), TwoJoints(2)
     design = FitDesign(("m",), known.a[:, None], unseen.a[:, None], np.zeros(1), np.array([np.inf]))
     estimate = fit(design, known, unseen, 1.0 / TwoJoints.noise)
-    promise = _Promise(1.0, Key(GAIN, 1), None, known.gain, unseen.gain)
+    promise = _Promise(1.0, Key(GAIN, 1), None, known.shown(1), unseen.shown(1))
     found, _ = _stands(SimpleNamespace(rows=known, new=unseen), estimate, promise, 10)
     assert found.values[0] == pytest.approx(-0.2, abs=0.02)
     assert found.after[0] < 0.5 * found.before[0]  # the mass that fits the wrong effort is wrong for the other joint
     assert found.after[1] > 0.9 * found.before[1]
+
+
+def as_good(prior):
+    """Return the gains that are as good as one of 0.8 that was found in the second of two joints."""
+    known, unseen = TwoJoints(1), TwoJoints(2)
+    sides = {i: [r.shown(i) for r in (known, unseen)] for i in (0, 1)}
+    design = FitDesign(("m",), known.a[:, None], unseen.a[:, None], np.ones(1), np.array([prior]))
+    names = {i: f"{i}.{GAIN}" for i in (0, 1)}
+    estimate = fit(design.plus((names[1],), *sides[1]), known, unseen, 1.0 / TwoJoints.noise)
+    state = SimpleNamespace(
+        robot=SimpleNamespace(n=2),
+        barred=frozenset(),
+        terms=[(Key(GAIN, 1), None)],
+        found=[law(Key(GAIN, 1), -0.2)],
+        rows=known,
+        new=unseen,
+        loads=lambda estimate: None,
+        columns=lambda key, term, loads: sides[key.at],
+        without=lambda estimate, *names, weights: fit(estimate.design.without(*names), known, unseen, weights),
+    )
+    (found,) = rivals_left(state, estimate)
+    return [key.at for key in found.rivals]
+
+
+def test_one_of_two_gains_is_off_and_no_record_says_which():
+    assert as_good(np.inf) == [0]  # the body may be any, so one effort is too large or the other too small
+    assert as_good(1e-6) == []  # the body is known
 
 
 class Fitted:
