@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.arms.data import gains_of
-from signlin_ros.arms.keys import GAIN, SearchResult
+from signlin_ros.arms.keys import GAIN, Key, SearchResult
 from signlin_ros.arms.study import Study
 from signlin_ros.arms.warmth import differing
 
@@ -17,8 +17,23 @@ if TYPE_CHECKING:
     from signlin_ros.arms.verbs import ArmDiagnosis
 
 Array = NDArray[np.float64]
-WEIGH = "a record with a known weight off its axis (payload: in the file) tells it"
-"""How the gain of an effort is told that is nearly all friction."""
+
+
+def weigh(prismatic: bool) -> str:
+    """Return how the gain of a joint is told whose effort is nearly all friction."""
+    return f"a record with a known weight{'' if prismatic else ' off its axis'} (payload: in the file) tells it"
+
+
+def name_of(study: Study, key: Key) -> str:
+    """Return the name of a law: ``elbow_joint.load_dependent_friction``, ``payload``."""
+    return f"{study.names[key.at]}.{key.law}" if key.at >= 0 else key.law
+
+
+def as_good(study: Study, found: SearchResult) -> str:
+    """Return the laws that are as good as one, those of other joints by their full names."""
+    own = [key.law.replace("_", " ") for key in found.rivals if key.at == found.key.at]
+    rivals = [*own, *(name_of(study, key) for key in found.rivals if key.at != found.key.at)]
+    return f" (or {', '.join(rivals)}: as good)" if rivals else ""
 
 
 def study_notes(study: Study) -> list[str]:
@@ -55,7 +70,9 @@ def resized_notes(diagnosis: ArmDiagnosis) -> list[str]:
         if law.key in diagnosis.state.known:
             name, unit = study.names[i], study.robot.joints[i].effort_unit
             said = f"{name}: effort.gain is {now[i]:.4g} in the model that is written, and not {_before(law, now):.4g}"
-            found.append(f"{said}; all figures of its effort are in {unit} of that gain")
+            others = " and ".join(study.names[key.at] for key in law.rivals if key.law == GAIN)
+            instead = f"; or the gain of {others} is off instead: a known weight tells" if others else ""
+            found.append(f"{said}; all figures of its effort are in {unit} of that gain{instead}")
     return found
 
 
@@ -100,4 +117,14 @@ def weighed_beside(diagnosis: ArmDiagnosis) -> list[str]:
     return [f"{said}; a model that was refined without a load weighs it alone, with {better}"]
 
 
-__all__ = ["WEIGH", "payload_alone", "resized_notes", "study_notes", "unwritten", "warmth_notes", "weighed_beside"]
+__all__ = [
+    "as_good",
+    "name_of",
+    "payload_alone",
+    "resized_notes",
+    "study_notes",
+    "unwritten",
+    "warmth_notes",
+    "weigh",
+    "weighed_beside",
+]

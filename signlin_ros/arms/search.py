@@ -33,6 +33,7 @@ from signlin_ros.arms.laws import (
     tilt,
 )
 from signlin_ros.arms.piece import RegressionRows
+from signlin_ros.arms.shape import shaped
 from signlin_ros.arms.warmth import with_sizes
 from signlin_ros.robots import Robot
 from signlin_ros.robots.inertia import TEN, about_centre, moved
@@ -205,9 +206,11 @@ def search(state: State, progress: Callable[[str], None] = lambda _: None) -> Co
         found = _best(state, estimate)
         if found is None:
             break
-        state.found.append(found[0])
-        state.terms.append((found[0].key, found[1]))
-        progress(f"{names_of(found[0].key)[0]}: validation errors fall")
+        result, law = found
+        key = result.key if law is None else shaped(state, estimate, result.key, law)
+        state.found.append(replace(result, key=key))
+        state.terms.append((key, law))
+        progress(f"{names_of(key)[0]}: validation errors fall")
         estimate = settled(state, estimate)
     return _beside(state, estimate)
 

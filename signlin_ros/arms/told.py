@@ -8,8 +8,17 @@ from typing import Any
 import numpy as np
 
 from signlin_ros.arms.foretold import foretold_json, forward_json, forward_text, speed_unit
-from signlin_ros.arms.keys import DELAY, GAIN, SEEN_ELSEWHERE, Key, SearchResult
-from signlin_ros.arms.notes import WEIGH, payload_alone, resized_notes, study_notes, unwritten, weighed_beside
+from signlin_ros.arms.keys import DELAY, GAIN, SEEN_ELSEWHERE, SearchResult
+from signlin_ros.arms.notes import (
+    as_good,
+    name_of,
+    payload_alone,
+    resized_notes,
+    study_notes,
+    unwritten,
+    weigh,
+    weighed_beside,
+)
 from signlin_ros.arms.proposal import basic_of
 from signlin_ros.arms.study import Study, unseen_noise
 from signlin_ros.arms.verbs import ArmComparison, ArmDiagnosis, MissingLaw
@@ -102,6 +111,8 @@ def verdict(diagnosis: ArmDiagnosis) -> str:
 def _unexplained(comparison: ArmComparison) -> list[bool]:
     """Tell of each joint whether more than noise and little is left of unseen rows."""
     study, left = comparison.study, np.minimum(comparison.table.model, comparison.table.basic)
+    if comparison.matched is not None:
+        left = np.minimum(left, comparison.matched)
     efforts, noise = study.new.by_joint(study.new.y), unseen_noise(study)
     more = (left > MAX_LITTLE_SHARE * efforts) & (left > MAX_NOISE_RATIO * noise)
     return [bool(m) and i not in study.barred and i not in study.link_side for i, m in enumerate(more)]
@@ -159,7 +170,7 @@ def _too_small(diagnosis: ArmDiagnosis, i: int) -> list[str]:
     if "sensor_gain" in sizes:
         share = sizes["sensor_gain"]
         why = (
-            f"nearly all of it is friction, which scales along; {WEIGH}"
+            f"nearly all of it is friction, which scales along; {weigh(joint.prismatic)}"
             if share >= 1.0
             else f"by less than {100 * share:.2g} %"
         )
@@ -215,11 +226,6 @@ def _tilt(diagnosis: ArmDiagnosis) -> dict[str, Any]:
 
 def _urdf(study: Study) -> dict[str, Any]:
     return {"consistent": not study.robot.inconsistent(), "inconsistent": study.robot.inconsistent()}
-
-
-def name_of(study: Study, key: Key) -> str:
-    """Return the name of a law: ``elbow_joint.load_dependent_friction``, ``payload``."""
-    return f"{study.names[key.at]}.{key.law}" if key.at >= 0 else key.law
 
 
 def _ranking(diagnosis: ArmDiagnosis) -> list[dict[str, Any]]:
@@ -349,6 +355,8 @@ def sentences(diagnosis: ArmDiagnosis) -> list[str]:
             said = [study.barred.get(i) or study.link_side[i]]
         elif not said:
             rest = f"{table.model[i]:.3g} {unit} of {efforts[i]:.3g} are left"
+            if diagnosis.comparison.matched is not None:
+                rest += f" ({diagnosis.comparison.matched[i]:.3g} beside that record's own friction)"
             said = [f"nothing listed is missing; {rest}" + (", unexplained" if left[i] else "")]
         lines.append(f"{name}: {'; '.join(said)}")
     return [*lines, f"robot: {_robot(diagnosis, told)}"]
@@ -358,16 +366,9 @@ def _whys(diagnosis: ArmDiagnosis) -> list[tuple[int, str]]:
     """Return the place (-1: the robot, all delays) and the sentence of every law, left out ones of the file first."""
     entries, found, study = _ranking(diagnosis), diagnosis.found, diagnosis.comparison.study
     places = [-1 if f.key.law == DELAY else f.key.at for f in found]
-    said = [(at, e["why"] + _or(study, f)) for at, f, e in zip(places, found, entries, strict=False)]
+    said = [(at, e["why"] + as_good(study, f)) for at, f, e in zip(places, found, entries, strict=False)]
     missing = [(m.joint, e["why"]) for m, e in zip(diagnosis.missing, entries[len(found) :], strict=True)]
     return [*missing, *said]
-
-
-def _or(study: Study, found: SearchResult) -> str:
-    """Return the laws that are as good as one, those of other joints by their full names."""
-    own = [key.law.replace("_", " ") for key in found.rivals if key.at == found.key.at]
-    rivals = [*own, *(name_of(study, key) for key in found.rivals if key.at != found.key.at)]
-    return f" (or {', '.join(rivals)}: as good)" if rivals else ""
 
 
 def _robot(diagnosis: ArmDiagnosis, told: Sequence[tuple[int, str]]) -> str:

@@ -21,6 +21,7 @@ from signlin_ros.arms.laws import ASKED, EXTRA, JointLaw, shapes
 from signlin_ros.arms.proposal import Proposal, proposal
 from signlin_ros.arms.rivals import rivals_left
 from signlin_ros.arms.search import MIN_COEFFICIENT_ERRORS, MIN_VALIDATION_SHARE, State, search, settled
+from signlin_ros.arms.shape import shaped
 from signlin_ros.arms.study import LINK_SIDE, Study, study
 from signlin_ros.arms.warmth import Warmth, sources_of, warmth
 from signlin_ros.errors import ModelError, choices, suggest
@@ -47,12 +48,16 @@ class JointTable:
 
 @dataclass(frozen=True, eq=False)
 class ArmComparison:
-    """How good a model of an arm is; ``basic`` fitted to the rows of the fit, ``all_data`` to unseen ones, too."""
+    """How good a model of an arm is; ``basic`` fitted to the rows of the fit, ``all_data`` to unseen ones, too.
+
+    ``matched``: RMS (n,) of what is left of unseen rows where friction differs between records, and is as it was there.
+    """
 
     study: Study
     table: JointTable
     basic: CoefficientEstimate
     all_data: CoefficientEstimate
+    matched: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +122,8 @@ def _compared(found: Study) -> ArmComparison:
     whole = found.of_all()
     all_data = settled(whole.state())  # the best numbers of basic friction, not a test
     found.warmth = _warmth(whole, _in_file(found))
-    return ArmComparison(found, table, basic, all_data)
+    state = found.state()
+    return ArmComparison(found, table, basic, all_data, settled(state).matched_rms if state.spread else None)
 
 
 def _warmth(whole: Study, laws: Sequence[tuple[Key, JointLaw | None]]) -> Warmth | None:
@@ -251,7 +257,10 @@ def add(
                 tried.append((fitted, list(state.terms)))
         if not tried:
             raise ModelError(f"{effect}: with it viscous friction of {joint} would be negative; it does not fit")
-        _, state.terms = min(tried, key=lambda pair: pair[0].objective)
+        _, terms = min(tried, key=lambda pair: pair[0].objective)
+        state.terms = kept
+        beside = fit(state.design(state.loads(before)), state.rows, state.new, before.weights)
+        state.terms = [*kept, (shaped(state, beside, terms[-1][0], law), law)]
         estimate = settled(state, before)
         at = estimate.design.at(f"{place}.{name}")
         one = slice(at, at + 1)
@@ -321,7 +330,8 @@ def _told(
             at = estimate.design.at(f"payload.{name}")
             payload[name] = (float(estimate.theta[at]), float(errors[at]), unit)
     again = replace(found, warmth=_warmth(found.of_all(), written.terms))
-    compared = replace(comparison, study=again, table=replace(comparison.table, model=own))
+    table = replace(comparison.table, model=own)
+    compared = replace(comparison, study=again, table=table, matched=estimate.matched_rms if state.spread else None)
     laws = tuple(_as_settled(law, estimate) for law in state.found)
     return ArmDiagnosis(compared, state, estimate, laws, tuple(missing), tuple(couplings), new, payload)
 
