@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from signlin_ros.arms.data import ArmRun, effort_step, runs_of
 from signlin_ros.arms.fit import prior
 from signlin_ros.arms.piece import ArmSegment, chosen_band
-from signlin_ros.arms.study import MAX_STEP_SHARE, TURNED
+from signlin_ros.arms.study import MAX_STEP_SHARE, least_range
 from signlin_ros.checks.as_read import AsRead
 from signlin_ros.checks.base import Check, changed, values_of, with_channel
 from signlin_ros.checks.finding import Finding
@@ -124,7 +124,7 @@ def _of_joint(model: ArmModel, record: ModelData, i: int, name: str) -> Iterator
         said_cure = f"unwrap_{name}", "it is unwrapped"
         yield _found("wrapped_angle", f"{name}.position", "note", said, *said_cure, harmless=True, action=cure)
         q = _unwrapped(q)
-    if np.ptp(q) < TURNED:
+    if np.ptp(q) < least_range(joint):
         said = f"{name} hardly moves ({np.ptp(q):.2g} {joint.position_unit}): nothing is told of it"
         yield _found("no_motion", f"{name}.position", "offer", f"{said}; move it, or leave it out of joints")
     if np.ptp(u) == 0.0:

@@ -20,7 +20,7 @@ from signlin_ros.errors import InputError
 from signlin_ros.filters import sensor_noise
 from signlin_ros.model.arm import ArmModel
 from signlin_ros.plants.arm import MOTOR_INERTIA, places
-from signlin_ros.robots import Robot, inverse_dynamics
+from signlin_ros.robots import Joint, Robot, inverse_dynamics
 from signlin_ros.robots.inertia import TEN, about_centre, moved
 
 Array = NDArray[np.float64]
@@ -30,8 +30,8 @@ MAX_STEP_SHARE = 0.1
 """Part of an effort's spread from which on its steps are too coarse to tell friction from."""
 MIN_JOINT_ROWS = 30
 """Rows that a joint needs."""
-TURNED = 0.05
-"""Range (rad, m) of a joint that did not move."""
+TURNED, SLID = 0.05, 0.005
+"""Ranges below which a joint did not move: of an angle in rad, of a prismatic joint in m."""
 
 
 @dataclass(eq=False)
@@ -155,6 +155,11 @@ def check_static(model: ArmModel) -> None:
             raise InputError(f"{model.source}: {key}: {said} (simulate and linearize take it)")
 
 
+def least_range(joint: Joint) -> float:
+    """Return the range in rad (m) below which a joint did not move."""
+    return SLID if joint.prismatic else TURNED
+
+
 def _look(study: Study) -> None:
     """Note what cannot be told, joint by joint."""
     for i, name in enumerate(study.names):
@@ -162,7 +167,8 @@ def _look(study: Study) -> None:
         q = np.concatenate([run.q[:, i] for run in study.runs[0]])
         quantum, unit = max(float(run.steps[i]) for run in study.runs[0]), study.robot.joints[i].effort_unit
         spread = float(np.std(tau))
-        if np.ptp(q) < TURNED or study.rows.counts[i] < MIN_JOINT_ROWS or study.new.counts[i] < MIN_JOINT_ROWS:
+        few = min(study.rows.counts[i], study.new.counts[i]) < MIN_JOINT_ROWS
+        if few or np.ptp(q) < least_range(study.robot.joints[i]):
             study.barred[i] = "it hardly moves: too few samples in motion to tell anything of it"
         elif quantum > MAX_STEP_SHARE * spread:
             study.barred[i] = (
@@ -212,4 +218,4 @@ def body_of(payload: tuple[float, Array], place: tuple[int, Array, Array], n: in
     return found
 
 
-__all__ = ["JointLaw", "Study", "body_of", "check_static", "predicted", "study", "unseen_noise"]
+__all__ = ["JointLaw", "Study", "body_of", "check_static", "least_range", "predicted", "study", "unseen_noise"]
