@@ -23,7 +23,7 @@ from signlin_ros.comparison.residuals import ResidualTest, residual_test
 from signlin_ros.comparison.scores import Score, follows_nothing, score, unfollowed
 from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA
 from signlin_ros.diagnosis.dataset import Dataset, Records, dataset_of
-from signlin_ros.diagnosis.evidence import Evidence, refitted_evidence
+from signlin_ros.diagnosis.evidence import Evidence, evidence_beside, refitted_evidence
 from signlin_ros.diagnosis.input_hold import asks_hold, at_noise
 from signlin_ros.diagnosis.output_error import FitCache, estimator_of
 from signlin_ros.diagnosis.progress import Progress
@@ -278,7 +278,7 @@ def _how_inputs_act(c: Dataset | InputError, progress: Progress) -> Evidence | N
     progress.say("how the input acts")
     try:
         motion = estimator_of(c.training, c.validation, DEFAULT_CRITERIA, FitCache(), progress, 1)
-        return None if at_noise(motion, motion.base.training_squares) else refitted_evidence(c, progress)
+        return None if at_noise(motion, motion.base.training_squares) else evidence_beside(c, motion).grounded()
     except InputError:
         return None  # first rows say why
 

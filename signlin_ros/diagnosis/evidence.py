@@ -313,7 +313,12 @@ def evidence_of(
     """Return both estimates of a data set, its inputs acting as the records show where the model leaves that to them;
     fits go into the ``cache``, those with inputs that act otherwise into one of their own.
     """
-    motion = estimator_of(dataset.training, dataset.validation, criteria, cache, progress, jobs)
+    return evidence_beside(dataset, estimator_of(dataset.training, dataset.validation, criteria, cache, progress, jobs))
+
+
+def evidence_beside(dataset: Dataset, motion: OutputErrorEstimator) -> Evidence:
+    """Return the same of a data set whose base is fitted already, by the output-error estimate ``motion``."""
+    criteria, progress = motion.criteria, motion.progress
     force = equation_error_of(dataset.knowing(motion.own_values), criteria, progress)
     if asks_hold(dataset):
         progress.say(phrases.INPUT_HOLD)
@@ -354,6 +359,7 @@ __all__ = [
     "Evidence",
     "changes_effort",
     "equation_error_of",
+    "evidence_beside",
     "evidence_of",
     "refitted_evidence",
 ]

@@ -358,7 +358,7 @@ def test_every_channel_is_judged_from_the_observer_that_predicts_it_best(monkeyp
 def test_no_answer_depends_on_how_many_fits_run_side_by_side():
     """A motor's table was one or another from run to run: what a fit found was taken up when it happened to end."""
     truth = Model.from_dict({**BASE, "effects": {"coulomb_friction": {"mu": 2.0}, "cubic_stiffness": {"k3": 60.0}}})
-    known, unseen = record(truth, 1), record(truth, 2)
+    known, unseen = record(truth, 1, seconds=8.0), record(truth, 2, seconds=8.0)
     alone, together = (diagnose(Model.from_dict(BASE), known, unseen, jobs=jobs).to_json() for jobs in (1, 4))
     assert alone == together
 

@@ -288,10 +288,11 @@ def test_hold_out_makes_records_of_a_condition_validation_data_in_python_too():
     from signlin_ros import compare
 
     records = [kept_apart(kp) for kp in (100.0, 200.0, 400.0)]
-    found = compare(servo(with_inputs=()), records, hold_out={"kp": 200.0})
+    model = servo(with_inputs=()).with_options(input_hold="forward")
+    found = compare(model, records, hold_out={"kp": 200.0})
     assert found.sources == ("kp100.csv", "kp400.csv")
     with pytest.raises(RecordError, match="kp=300: no record has it; kp is known to be 100, 200, 400"):
-        compare(servo(with_inputs=()), records, hold_out={"kp": 300.0})
+        compare(model, records, hold_out={"kp": 300.0})
 
 
 @pytest.mark.parametrize(
