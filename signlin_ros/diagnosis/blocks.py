@@ -16,6 +16,9 @@ MIN_DIVISOR = 1e-300
 """What keeps a division from failing."""
 MIN_BLOCKS = 3
 """Blocks from which a standard error is told."""
+MAX_LOG_FALL = float(np.log(4.0))
+"""Logarithm of the fall of a square to that of half the error, from which on a block says all that it can [Huber,
+Robust Statistics, 1981, ch. 3]."""
 MAX_T = 60.0
 """Largest t ratio that is told: from there on it says nothing more."""
 
@@ -51,19 +54,30 @@ class BlockChange:
         return float(np.nanmean(rise)) / (error + MIN_DIVISOR)
 
 
-def mean_t_ratio(before: Array, after: Array) -> float:
+def mean_t_ratio(before: Array, after: Array, noise: Array | None = None) -> float:
     """Return by how many standard errors squares (blocks,) fall, at most 60: their mean, or that of their logarithms,
     whichever is surer.
+
+    ``noise`` (blocks,): what noise makes of them. Beyond it all falls to a half and less count alike, with one more
+    block, which tells nothing, as a doubt: in a motion that dies down the first blocks would else decide alone.
     """
+    plain = _t_ratio(before - after)
+    if plain <= 0:
+        return max(plain, -MAX_T)
     floor = 0.1 * before.mean() + MIN_DIVISOR
-    plain, shares = _t_ratio(before - after), _t_ratio(np.log((before + floor) / (after + floor)))
-    return min(max(plain, shares), MAX_T) if plain > 0 else max(plain, -MAX_T)
+    found = max(plain, _t_ratio(np.log((before + floor) / (after + floor))))
+    if noise is not None:
+        falls = np.log((before + noise) / (after + noise))
+        found = max(found, _t_ratio(np.append(np.clip(falls, -MAX_LOG_FALL, MAX_LOG_FALL), 0.0)))
+    return min(found, MAX_T)
 
 
 def _t_ratio(values: Array) -> float:
-    if values.size < MIN_BLOCKS:
+    size = float(np.abs(values).max(initial=0.0))
+    if values.size < MIN_BLOCKS or not 0.0 < size < np.inf:
         return 0.0
+    values = values / size  # squares of a law that runs away are beyond what can be squared
     return float(values.mean() / (values.std(ddof=1) / np.sqrt(values.size) + MIN_DIVISOR))
 
 
-__all__ = ["MIN_DIVISOR", "BlockChange", "mean_t_ratio"]
+__all__ = ["MAX_LOG_FALL", "MIN_DIVISOR", "BlockChange", "mean_t_ratio"]

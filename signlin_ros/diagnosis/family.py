@@ -46,6 +46,30 @@ class FamilyChoice:
         self.evidence.cache.keep(proposal)
         return proposal
 
+    # ------------------------------------------------------------ what the force cannot tell apart
+
+    def of_ties(self, proposal: FittedModel) -> FittedModel:
+        """Return a model with another law in the place of one that the forces cannot tell from it, if the motion surely
+        asks for it: while a machine turns one way a load is like friction, when it has stopped it is not.
+        """
+        if proposal.residual_is_noise or self.imposed:
+            return proposal
+        force, options = self.force, list[FittedModel]()
+        for name in [n for n in proposal.effects if n in force.laws]:
+            family, tied = force.laws[name].effect.family, force.ties.get(name, ())
+            for fit in force.replacements.get(name, ()):
+                new = next(iter(fit.names - force.fit.names), "")
+                alike = new in tied or fit.validation_mse < self._visible
+                kin = bool(family) and new in force.laws and force.laws[new].effect.family == family
+                if alike and not kin and (other := self.simulated(fit)):
+                    options.append(other)
+        return next(iter(self.evidence.output_error.as_good_as_best(proposal, options)), proposal)
+
+    @property
+    def _visible(self) -> float:
+        """Squared force from which on it is seen above the noise."""
+        return self.evidence.criteria.min_force_over_noise**2 * self.evidence.force_noise_mse
+
     # ------------------------------------------------------------ a richer law of the same family
 
     def in_family(self, proposal: FittedModel) -> FittedModel:

@@ -149,6 +149,7 @@ def _confirmed_by_simulation(evidence: Evidence, force: EquationErrorResult) -> 
     proposal = choice.simulated(force.fit)
     if proposal is None:
         return None
+    proposal = choice.of_ties(proposal)
     other = evidence.with_better_values(proposal) if proposal.insignificant(c) else proposal
     stated = other is not proposal and motion.improvement(evidence.base, other).t_ratio >= c.min_t
     proposal = other if stated else proposal

@@ -35,6 +35,8 @@ from signlin_ros.scale import Scale
 Array = NDArray[np.float64]
 MAX_WAVE_STEP, LOST_OVER_NOISE = 4.0, 3.0
 """Largest N v dt of a wave that samples show, v being the RMS velocity; noises below which a velocity is lost."""
+MIN_REVERSAL, PEAK_TO_PEAK = 0.01, 8.0
+"""Part of its way by which a motion turns back at least; noise does at most by so many standard deviations."""
 MIN_ROUNDED_STEPS = 10.0
 """Steps in the standard deviation of an input from which on it is a rounded one, and none that was set in levels."""
 MIN_SEARCH_SAMPLES, MAX_SEARCH_SAMPLES, CHUNKS, LEADING_SAMPLES = 2000, 6000, 4, 2000
@@ -106,6 +108,24 @@ class Problem:
     def position_range(self) -> tuple[float, float]:
         """Smallest and largest position, about, where only a velocity is measured."""
         return self.ranges.get(self.plant.position, (0.0, self.scale.travel))
+
+    @functools.cached_property
+    def reverses(self) -> bool:
+        """Whether the motion of a record turns back, by more than noise and `MIN_REVERSAL` of its way: else nothing
+        tells what remembers the way. Also where nothing is known of the way.
+        """
+        plant, found = self.plant, False
+        for s in self.segments:
+            if plant.motion_is_imposed() or not {plant.position, plant.velocity} & {*self.channels}:
+                return True
+            at = self.channels.index(plant.position if plant.position in self.channels else plant.velocity)
+            measured = np.isfinite(s.y[:, at])
+            x, t, noise = s.y[measured, at], s.t[measured], float(self.noise[at])
+            if plant.position not in self.channels:
+                x, noise = travelled(t, x), 0.0
+            back = np.maximum.accumulate(x) - x if x[-1] > x[0] else x - np.minimum.accumulate(x)
+            found |= bool(back.max() > MIN_REVERSAL * np.ptp(x) + PEAK_TO_PEAK * noise)
+        return found
 
     @property
     def rotary(self) -> bool:

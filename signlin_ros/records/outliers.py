@@ -113,15 +113,33 @@ def _set_apart(y: Array, calm: NDArray[np.bool_], few: int) -> NDArray[np.intp]:
 
 
 def _away(y: Array, length: int) -> tuple[Array, Array]:
-    """Return how far (K,) so many samples in a row lie from the line between those before and after them, all on one
-    side of it, and how far apart these two are.
+    """Return how far (K,) so many samples in a row lie from what their neighbours say, all on one side of it, and how
+    far apart the two next to them are. Neighbours say a line, and, two on each side, a cubic, whichever is nearer: a
+    motion that turns back within a few samples, as at a hard stop, is one.
     """
     before, after = y[: -length - 1], y[length + 1 :]
-    share = np.arange(1, length + 1)[:, None] / (length + 1)
     inside = np.stack([y[1 + k : 1 + k + before.size] for k in range(length)])
-    away = inside - (before + share * (after - before))
-    size = np.where((np.sign(away) == np.sign(away[0])).all(axis=0), np.abs(away).min(axis=0), 0.0)
-    return np.asarray(size), np.abs(after - before)
+    size = _beside(inside, _between(length, 1) @ np.stack([before, after]))
+    if y.size > length + 3:
+        further = np.stack([y[: -length - 3], before[1:-1], after[1:-1], y[length + 3 :]])
+        size[1:-1] = np.minimum(size[1:-1], _beside(inside[:, 1:-1], _between(length, 2) @ further))
+    return size, np.abs(after - before)
+
+
+def _between(length: int, side: int) -> Array:
+    """Return the weights (length, 2 side) by which the polynomial through so many samples on each side of a gap of
+    ``length`` samples gives those in it.
+    """
+    known = np.concatenate([np.arange(1 - side, 1), np.arange(length + 1, length + 1 + side)]).astype(float)
+    inside = np.arange(1.0, length + 1.0)
+    return np.asarray(np.vander(inside, 2 * side) @ np.linalg.inv(np.vander(known, 2 * side)))
+
+
+def _beside(samples: Array, said: Array) -> Array:
+    """Return how far (K,) samples (length, K) are from what is ``said`` of them, 0 where they are not on one side."""
+    away = samples - said
+    same = (np.sign(away) == np.sign(away[0])).all(axis=0)
+    return np.asarray(np.where(same, np.abs(away).min(axis=0), 0.0))
 
 
 def _departing(record: ModelData, y: Array) -> NDArray[np.intp]:

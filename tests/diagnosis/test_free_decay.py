@@ -47,3 +47,47 @@ def test_what_slows_a_pendulum_that_nothing_drives():
         effect, _, parameter = name.partition(".")
         told = found.model.effects[effect].parameters[parameter]
         assert told / inertia == pytest.approx(value / PENDULUM.value("m"), rel=0.05)
+
+
+def coasting(model: Model, seed: int, speed: float, seconds: float, resolution: float, noise: float) -> ModelData:
+    """Return a record, at 10 Hz, of what coasts down from a speed in rad/s or m/s; its unit is ``resolution``."""
+    random, t = np.random.default_rng(seed), np.arange(round(10 * seconds)) * 0.1
+    v = simulate(model, t, np.zeros(t.size), [0.0, speed])["velocity"] + noise * random.normal(size=t.size)
+    measured, names = {"velocity": np.round(v / resolution) * resolution}, (model.inputs, model.states)
+    return ModelData(t, np.zeros((t.size, 1)), measured, None, *names, dict(model.units))
+
+
+def coast_down(parameters: dict[str, float], hidden: dict[str, float], speeds: tuple[float, float], **how: float):
+    """Diagnose two coast-downs with hidden effects; return the names, and the diagnosis."""
+    bare = Model.from_dict(
+        {"plant": "mass_spring_damper", "parameters": parameters, "tolerance": {"m": 0.05, "c": 0.5}}
+    )
+    true = bare
+    for name, value in hidden.items():
+        effect, _, parameter = name.partition(".")
+        true = true.with_effect(effect, **{parameter: value})
+    found = diagnose(bare, *(coasting(true, i, v, **how) for i, v in enumerate(speeds)))
+    return {one.effect for one in found.missing}, found
+
+
+def test_a_flywheel_that_comes_to_rest_has_friction_and_no_load():
+    """MISSING constant load, quadratic drag and *cogging*: while it turned one way forces could not tell a load from
+    friction, and what had stopped was asked of the motion for the load alone.
+    """
+    hidden = {"coulomb_friction.mu": 0.35, "quadratic_drag.c2": 4e-5}
+    how = {"seconds": 90.0, "resolution": 2 * np.pi / 60, "noise": 0.0}
+    names, found = coast_down({"m": 0.18, "c": 2e-3, "k": 0.0}, hidden, (260.0, 190.0), **how)
+    assert (found.verdict, names) == ("missing", {name.partition(".")[0] for name in hidden})
+    assert {n: found.parameters[n].value for n in hidden} == pytest.approx(hidden, rel=0.03)
+
+
+def test_a_vehicle_that_coasts_has_drag_and_rolls():
+    """Dahl presliding, "explains a part": of five blocks of forces the first two said what all did."""
+    hidden = {"coulomb_friction.mu": 165.0, "quadratic_drag.c2": 0.42}
+    how = {"seconds": 60.0, "resolution": 0.01 / 3.6, "noise": 0.1 / 3.6}
+    names, found = coast_down({"m": 1400.0, "c": 0.0, "k": 0.0}, hidden, (33.0, 27.0), **how)
+    assert found.verdict == "missing"
+    assert names in ({"constant_load", "quadratic_drag"}, {"coulomb_friction", "quadratic_drag"})
+    assert found.parameters["quadratic_drag.c2"].value == pytest.approx(0.42, rel=0.03)
+    (rest,) = (one for one in found.ranking if one.effect in names - {"quadratic_drag"})
+    assert rest.status == "ambiguous"  # nobody saw it turn round

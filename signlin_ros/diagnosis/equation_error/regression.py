@@ -225,8 +225,9 @@ class Regression:
 
     def surely(self, a: RegressionFit, b: RegressionFit) -> float:
         """Return the t ratio by which a leaves less than b of validation data, over blocks of time."""
-        first, second = (np.bincount(self.validation.blocks, f.validation_residual**2).astype(float) for f in (a, b))
-        return mean_t_ratio(second, first)
+        v = self.validation
+        first, second = (np.bincount(v.blocks, f.validation_residual**2).astype(float) for f in (a, b))
+        return mean_t_ratio(second, first, np.asarray(v.noise_mse * np.bincount(v.blocks), dtype=np.float64))
 
     def percent(self, fit: RegressionFit) -> float:
         """Return the force that is left of validation data in per cent of the effort (RMS)."""

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.comparison.scores import Score, rated
+from signlin_ros.diagnosis.blocks import MAX_LOG_FALL
 from signlin_ros.fitting.candidate import Candidate
 from signlin_ros.fitting.following import follow_records
 from signlin_ros.fitting.gains import ObserverGains
@@ -27,8 +28,6 @@ FORGOTTEN, FEWEST_PARTS = 1.0, 8
 """Length in s of a block of a free run in a closed loop, some times what the loop takes to forget; blocks at least."""
 DIVERGED_VARIANCE = 1e6
 """Error of a model that diverges, in variances of the noise."""
-MAX_LOG_GAIN = float(np.log(4.0))
-"""Fall of the logarithm of a squared error from which on a block says all that it can: to half the error."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,7 @@ def improvement(before: Array, after: Array, noise: Array) -> Improvement:
     a, b = np.where(there, before, 0.0), np.where(there, after, 0.0)
     count = np.maximum(there.sum(axis=0), 1)
     first, second = a.sum(axis=0) / count, b.sum(axis=0) / count
-    falls = np.clip(np.log((a + noise**2) / (b + noise**2)), -MAX_LOG_GAIN, MAX_LOG_GAIN)
+    falls = np.clip(np.log((a + noise**2) / (b + noise**2)), -MAX_LOG_FALL, MAX_LOG_FALL)
     beyond = np.maximum(first - noise**2, 0.01 * first)
     share = float(np.max((first - second) / np.maximum(beyond, 1e-300)))
     each = np.array([_certainty(falls[there[:, c], c]) for c in range(falls.shape[1])])

@@ -74,7 +74,8 @@ def _trials(problem: Problem, name: str, asked: bool) -> list[Trial]:
     if any(use.type == name for use in base.effects.values()) and not effect.periodic:
         return []
     flat = effect.angular and not effect.periodic and problem.position_range[1] - problem.position_range[0] < ARC
-    if not (asked or (effect.proposed and not flat)):
+    forgotten = bool(effect.states and effect.family) and not problem.reverses  # what remembers the way
+    if not (asked or (effect.proposed and not flat and not forgotten)):
         return []
     if issubclass(effect, SensorEffect):
         return _of_sensors(problem, name)
