@@ -21,6 +21,7 @@ from signlin_ros.records.clean import gaps
 from signlin_ros.records.mapping import ModelData
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 
 MAX_OUTLIER_RUN = 3
 """Most samples in a row that are off."""
@@ -40,6 +41,9 @@ MIN_USUAL_SAMPLES = 100
 """Samples that it takes to know what is usual."""
 MAX_WILD_SHARE = 0.1
 """Largest share of wild samples of what has inertia: beyond, two sources write into one channel."""
+MIN_BESIDE_CUBIC = 0.75
+"""Least part of its distance from the line between its neighbours that a wild sample lies from a cubic through two on
+each side: where a motion turns back within a few samples, as at a hard stop, the cubic turns with it."""
 LOOKING_ROUNDS = 4
 """Times that a record is looked through: what lies beside a wild sample shows when that is out."""
 PAIR, MIN_MOTION_PEAKS = 2, 10
@@ -79,7 +83,7 @@ def wild(record: ModelData, name: str, inert: bool = True) -> NDArray[np.bool_]:
             if there.size >= MIN_USUAL_SAMPLES:
                 stepping = _stepping(record.u[there])
                 parts = [
-                    _set_apart(y[there], calm, 0 if before else MAX_FEW_OUTLIERS)
+                    _set_apart(there, y[there], calm, 0 if before else MAX_FEW_OUTLIERS)
                     for calm in ((~stepping, stepping | ~stepping) if inert else (~stepping,))
                 ]
                 found[there[np.concatenate(parts)]] = True
@@ -88,9 +92,10 @@ def wild(record: ModelData, name: str, inert: bool = True) -> NDArray[np.bool_]:
     return found if found.sum() <= max(MAX_FEW_OUTLIERS, MAX_WILD_SHARE * y.size) else np.zeros_like(found)
 
 
-def _set_apart(y: Array, calm: NDArray[np.bool_], few: int) -> NDArray[np.intp]:
+def _set_apart(at: Index, y: Array, calm: NDArray[np.bool_], few: int) -> NDArray[np.intp]:
     """Return the samples of y (T,), where it is ``calm``, that depart from both neighbours and come back, further than
     all others: between the least of them, more than ``few``, and the next peak of the motion is a factor `BEYOND`.
+    ``at`` (T,): places of the samples, between which others may be left out.
     """
     least, found = MIN_OUTLIER_STEPS * quantum_of(_core(y)), np.zeros(y.size, dtype=np.bool_)
     for length in range(1, PAIR + 1):
@@ -107,39 +112,44 @@ def _set_apart(y: Array, calm: NDArray[np.bool_], few: int) -> NDArray[np.intp]:
         if not beyond.any():
             continue
         limit = sizes[:-1][beyond].min()
-        for k in peaks[away[peaks] >= limit].tolist():
+        beyond_line = peaks[away[peaks] >= limit]
+        for k in beyond_line[~_turning(at, y, beyond_line, length)].tolist():
             found[1 + k : 1 + k + length] = True
     return np.flatnonzero(found)
 
 
 def _away(y: Array, length: int) -> tuple[Array, Array]:
-    """Return how far (K,) so many samples in a row lie from what their neighbours say, all on one side of it, and how
-    far apart the two next to them are. Neighbours say a line, and, two on each side, a cubic, whichever is nearer: a
-    motion that turns back within a few samples, as at a hard stop, is one.
+    """Return how far (K,) so many samples in a row lie from the line between those before and after them, all on one
+    side of it, and how far apart these two are.
     """
     before, after = y[: -length - 1], y[length + 1 :]
+    share = np.arange(1, length + 1)[:, None] / (length + 1)
     inside = np.stack([y[1 + k : 1 + k + before.size] for k in range(length)])
-    size = _beside(inside, _between(length, 1) @ np.stack([before, after]))
-    if y.size > length + 3:
-        further = np.stack([y[: -length - 3], before[1:-1], after[1:-1], y[length + 3 :]])
-        size[1:-1] = np.minimum(size[1:-1], _beside(inside[:, 1:-1], _between(length, 2) @ further))
-    return size, np.abs(after - before)
+    away = inside - (before + share * (after - before))
+    size = np.where((np.sign(away) == np.sign(away[0])).all(axis=0), np.abs(away).min(axis=0), 0.0)
+    return np.asarray(size), np.abs(after - before)
 
 
-def _between(length: int, side: int) -> Array:
-    """Return the weights (length, 2 side) by which the polynomial through so many samples on each side of a gap of
-    ``length`` samples gives those in it.
+def _turning(at: Index, y: Array, before: Index, length: int) -> NDArray[np.bool_]:
+    """Return whether the motion turns (K,) with some samples in a row: they lie near the cubic through two on each side
+    of them [Lagrange's form], for what they lie from the line through one; ``before`` (K,): the sample before them.
     """
-    known = np.concatenate([np.arange(1 - side, 1), np.arange(length + 1, length + 1 + side)]).astype(float)
-    inside = np.arange(1.0, length + 1.0)
-    return np.asarray(np.vander(inside, 2 * side) @ np.linalg.inv(np.vander(known, 2 * side)))
-
-
-def _beside(samples: Array, said: Array) -> Array:
-    """Return how far (K,) samples (length, K) are from what is ``said`` of them, 0 where they are not on one side."""
-    away = samples - said
-    same = (np.sign(away) == np.sign(away[0])).all(axis=0)
-    return np.asarray(np.where(same, np.abs(away).min(axis=0), 0.0))
+    inner = (before >= 1) & (before + length + 2 < y.size)
+    k = before[inner]
+    sizes = []
+    for side in (1, 2):
+        known = [k + i for i in (*range(1 - side, 1), *range(length + 1, length + 1 + side))]
+        away = []
+        for inside in (k + 1 + i for i in range(length)):
+            said = np.zeros(k.size)
+            for one in known:
+                others = [other for other in known if other is not one]
+                said += y[one] * np.prod([(at[inside] - at[o]) / (at[one] - at[o]) for o in others], axis=0)
+            away.append(np.abs(y[inside] - said))
+        sizes.append(np.min(away, axis=0))
+    found = np.zeros(before.size, dtype=np.bool_)
+    found[inner] = sizes[1] < MIN_BESIDE_CUBIC * sizes[0]
+    return found
 
 
 def _departing(record: ModelData, y: Array) -> NDArray[np.intp]:
@@ -170,7 +180,8 @@ def _off(y: Array, stepping: NDArray[np.bool_]) -> set[int]:
     for length in range(1, MAX_OUTLIER_RUN + 1):
         away, apart = _away(y, length)
         limit = np.maximum(max(_unusual(away), least), MIN_OVER_NEIGHBOURS * apart)
-        for k in np.flatnonzero((away > limit) & ~stepping[1 : 1 + away.size]):
+        beyond_line = np.flatnonzero((away > limit) & ~stepping[1 : 1 + away.size])
+        for k in beyond_line[~_turning(np.arange(y.size), y, beyond_line, length)]:
             found |= set(range(k + 1, k + 1 + length))
     ends = 0 if stepping[-MAX_OUTLIER_RUN:].any() else _off_at_the_end(y, least)
     found |= {y.size - 1 - k for k in range(ends)}
