@@ -68,15 +68,16 @@ def margin(
     planned: Sequence[PlannedRival] = (),
 ) -> float:
     """Return -2 log likelihood by which the best wrong rival is behind the true one, all refitted to all records, from
-    the starts and at the sizes of interest of the plan; the true one from what is true, too: a refit that is stuck says
-    nothing of a record.
+    the starts of the plan, a wrong one no smaller than it is of interest there; the true one, whatever its size, from
+    what is true, too: a refit that is stuck says nothing of a record.
     """
     true, costs = tie.machines[which], dict[str, float]()
     bench, told = bench_of(tie.given, records, rivals), {"+".join(p.effects): p for p in planned}
     for c in bench.contenders:
         name = "+".join(c.effects)
         plan = told.get(name)
-        low, high = (replace(c, size=_size(plan)) if plan else c).bounds
+        size = None if name == true.names[0] else _size(plan) if plan else c.size
+        low, high = replace(c, size=size).bounds
         sides = zip(c.candidate.coordinates, low.tolist(), high.tolist(), strict=True)
         own = replace(c.candidate, coordinates=tuple(replace(k, low=a, high=b) for k, a, b in sides), starts={})
         models = [*(plan.starts if plan else ()), *([true_model(tie.given, true)] if name == true.names[0] else [])]
