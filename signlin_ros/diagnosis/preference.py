@@ -36,7 +36,7 @@ def preferred(evidence: Evidence, by_force: Sequence[FittedModel], by_motion: Fi
         if force is not None and force.effects and contradicts_force(evidence, force, by_motion):
             after = evidence.percent_of_effort(force.fit.validation_mse)
             before, unit = evidence.percent_of_effort(evidence.force_mse(base)), evidence.of_effort
-            return base, phrases.motion_refuses(force.effects, after, before, unit, by_motion.effects)
+            return base, phrases.motion_refuses(force.effects, after, before, unit, by_motion.effects, force.changed())
         if by_motion.effects and evidence.force_rises(base, by_motion):
             return base, phrases.more_force_than_base(by_motion.effects)
         return by_motion, ""

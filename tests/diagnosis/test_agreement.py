@@ -187,6 +187,7 @@ def equation_error_stub(
         helpful=frozenset(helpful),
         structure_left=lambda fit: nothing,
         effects=effects,
+        changed=lambda: {"torque_ripple": (0.05, 0.037)} if effects else {},
         flexible=Curve(structure, flexible),
         mse_as_written=lambda f: around(f.force, 0),  # what is written leaves what it leaves
         with_laws=lambda fit: None,
@@ -304,7 +305,7 @@ def test_what_the_force_shows_and_the_motion_refuses_is_told_and_not_replaced():
     force.fit, force.base = SimpleNamespace(validation_mse=0.3), SimpleNamespace(validation_mse=4.0)
     final, conflict = chosen(force, BASE, [], Fit(("compliant_load", "sensor_delay"), (1.0,), 1.9))
     assert final is BASE
-    for name in ("torque ripple", "compliant load", "sensor delay"):
+    for name in ("torque ripple", "compliant load", "sensor delay", "0.05 in the training and 0.037 in the validation"):
         assert name in conflict
     white = Fit(("input_delay",), (NOISE,), 1.9, white=True)
     assert chosen(force, BASE, [], white) == (white, "")

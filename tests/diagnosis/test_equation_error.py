@@ -452,3 +452,16 @@ def test_small_friction_beside_a_weight_is_named(weight, level, rate):
     assert found.values(found.fit, "coulomb_friction")["mu"] == pytest.approx(level, rel=0.15)
     noise = math.sqrt(found.validation.noise_mse) / found.validation.effort
     assert found.percent() > 250.0 * noise
+
+
+def test_a_friction_that_has_changed_between_two_records_is_told_with_both_sizes():
+    def friction(size: float) -> Force:
+        return lambda q, v: -size * np.sign(v)
+
+    sizes = ((1, 0.5), (2, 0.37))
+    pair = (record(seed, friction(size)) for seed, size in sizes)
+    made = dataset_of(Model.from_dict(DRIVE), *pair)
+    found = estimate.estimate_equation_error(made.training, made.validation)
+    assert found.effects == ("coulomb_friction",)
+    assert found.changed() == {"coulomb_friction": pytest.approx((0.5, 0.37), rel=0.02)}
+    assert from_equation_error(friction(0.5)).changed() == {}

@@ -118,6 +118,20 @@ class EquationErrorResult:
         left = side.force_residual(model) * effort_gain(r.model, r.current) / effort_gain(model, r.current)
         return side.mse_by_block(stamped(left, side.X[:, -1]))
 
+    def changed(self) -> dict[str, tuple[float, float]]:
+        """Return the sizes of chosen laws of one coefficient that surely differ between training and validation data,
+        each fitted by itself, in the law's unit by its name: (there, here).
+        """
+        r, found = self.regression, dict[str, tuple[float, float]]()
+        other = replace(r, training=r.validation, validation=r.training).fitted(self.fit.members)
+        for name in self.effects:
+            at = self.fit.spans[name]
+            first, second = self.fit.theta[at], other.theta[at]
+            error = np.hypot(self.fit.std[at], other.std[at])
+            if first.size == 1 and np.all(np.abs(first - second) > r.criteria.min_coefficient_t * error):
+                found[name] = float(first[0]), float(second[0])
+        return found
+
     def values(self, fit: RegressionFit, name: str) -> dict[str, float]:
         """Return the parameters of a law as a fit has them."""
         return self.laws[name].parameters(dict(fit.members)[name], fit.theta[fit.spans[name]])

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
 from signlin_ros.diagnosis.results import listed
+from signlin_ros.errors import joined
 
 # -------------------------------------------------------------------- progress
 
@@ -201,13 +202,23 @@ def more_force(effects: Sequence[str]) -> str:
 
 
 def motion_refuses(
-    laws: Sequence[str], left: float | None, before: float | None, of_effort: str, others: Sequence[str]
+    laws: Sequence[str],
+    left: float | None,
+    before: float | None,
+    of_effort: str,
+    others: Sequence[str],
+    changed: Mapping[str, tuple[float, float]],
 ) -> str:
-    """Return that simulation refuses the laws of the force, which leave so many per cent of the effort."""
+    """Return that simulation refuses the laws of the force, which leave so many per cent of the effort, and which of
+    them are of another size in the validation data than in the training data.
+    """
     place = "" if before is None else f" in place of {before:.3g} %"
     told = f"by the force {listed(laws)} would leave {left:.3g} % {of_effort}{place}, but the motion"
     other = f"; {listed(others)} would follow it better" if others else ""
-    return f"{told} that they make is not the one that was measured{other}"
+    pairs = changed.items()
+    sizes = [f"{listed([n])} is {a:.3g} in the training and {b:.3g} in the validation data" for n, (a, b) in pairs]
+    warmer = f"; {joined(sizes)}, as after warming up" if sizes else ""
+    return f"{told} that they make is not the one that was measured{other}{warmer}"
 
 
 # -------------------------------------------------------------------- notes
