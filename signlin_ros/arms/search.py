@@ -2,8 +2,9 @@
 
 Every law is first told by the fall of the weighted squares that it promises beside all that is fitted already, inertial
 parameters with their priors included; the best are fitted in earnest. A law stands if its coefficient is many standard
-errors from nothing (of blocks, corrected for the number of laws tried), if unseen rows lose a visible part of their
-squares, and if those rows say the same, by themselves or in what the fit foretells for them.
+errors from nothing on the rows of the fit, or on all (of blocks, corrected for the number of laws tried), if unseen
+rows lose a visible part of their squares, and if those rows say the same, by themselves or in what the fit foretells
+for them.
 """
 
 from __future__ import annotations
@@ -303,7 +304,7 @@ def _stands(
         worth = float(np.nansum(np.log(before) - np.log(after)))
     needed = needed_errors(tried)
     sure = float(np.abs(values / np.maximum(errors, 1e-300)).max()) >= needed
-    if not sure and key.law in SEEN_ELSEWHERE:
+    if not sure and (law is not None or key.law in SEEN_ELSEWHERE):
         sure = ratio_on_all(trial, names) >= needed
     if key.law == "payload":
         if not (sure and _relieved(estimate, trial, count) and worth > -0.01 * state.robot.n):

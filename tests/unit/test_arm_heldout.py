@@ -1,12 +1,18 @@
 """What unseen rows say of a law: by themselves, or in what a fit to other rows foretells for them."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from signlin_ros.arms.fit import FitDesign, fit
 from signlin_ros.arms.heldout import again, foretells, ratio_on_all
+from signlin_ros.arms.keys import Key
+from signlin_ros.arms.laws import EXTRA
 from signlin_ros.arms.piece import RegressionRows
+from signlin_ros.arms.search import _Promise, _stands, needed_errors
 
+FRICTION = next(law for law in EXTRA if law.loaded)
 LAW, NOISE, COUNT = ("law",), 0.05, 200
 
 
@@ -61,3 +67,13 @@ def test_two_motions_together_tell_what_one_does_not():
     assert alone < 5.0
     assert ratio_on_all(trial, LAW) > 20.0 > alone
     assert trial.rows.y.size == COUNT  # the rows of the fit stay as they were
+
+
+@pytest.mark.parametrize("law", [0.3, 0.0])
+def test_a_law_of_friction_that_the_fit_leaves_in_doubt_stands_if_all_rows_tell_it(law):
+    known, unseen = Rows(5, law, apart=0.03), Rows(6, law, turn=3.0, apart=0.5)
+    before, trial = fitted(known, unseen)
+    assert abs(trial["law"] / trial.errors()[-1]) < needed_errors(50)
+    state = SimpleNamespace(rows=known, new=unseen)
+    promise = _Promise(1.0, Key(FRICTION.effect, 0), FRICTION, known.z[:, None], unseen.z[:, None])
+    assert (_stands(state, before, promise, 50) is not None) == (law > 0.0)
