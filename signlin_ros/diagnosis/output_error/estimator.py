@@ -297,7 +297,7 @@ class OutputErrorEstimator(Minima):
         """Return the candidates that are simpler than a fit in one of its effects."""
         parts, found = CandidateParts.of(f.fit), list[CandidateParts]()
         for key, use in f.added.items():
-            effect, insignificant = EFFECTS[use.type], f.insignificant(self.criteria).startswith(key)
+            effect, insignificant = EFFECTS[use.type], f.insignificant_key(self.criteria) == key
             nothing = {n: 0.0 for n in effect.telling if insignificant and not effect.pars()[n].positive}
             rest, simpler = parts.without(key), effect.simpler(use.parameters | nothing)
             fewer = [rest.extended(n, start) for n, start in simpler.items()]

@@ -192,6 +192,13 @@ class FittedModel:
         """Return why what was added cannot be named: a coefficient that is nothing, at a bound or hardly known."""
         return next((why for key in self.fit.candidate.label if (why := self._insignificant(key, criteria))), "")
 
+    def insignificant_key(self, criteria: Criteria) -> str:
+        """Return the key of the first effect that was added and cannot be named, since a coefficient is nothing, at a
+        bound or hardly known; empty if none, or if its values are implausible.
+        """
+        key = next((key for key in self.fit.candidate.label if self._insignificant(key, criteria)), "")
+        return "" if key in self.implausible else key
+
     def _insignificant(self, key: str, criteria: Criteria) -> str:
         effect = EFFECTS[self.added[key].type if key in self.added else key.partition(".")[0]]
         if key in self.implausible:
