@@ -16,7 +16,6 @@ from signlin_ros.control.drive import NO_SLOT, Drive
 from signlin_ros.control.inverse import InverseModel
 from signlin_ros.control.reference import Profile, triangle
 from signlin_ros.effects import find_effect
-from signlin_ros.effects.compliant_load import CompliantLoad
 from signlin_ros.errors import InputError
 
 Array = NDArray[np.float64]
@@ -66,8 +65,8 @@ def constants(drive: Drive, speed: float, period: float = 2.0) -> Constants:
 
 def inertia(drive: Drive, speed: float, change: float) -> float:
     """Return kA: by how much more input accelerates more, per acceleration, with the loads that hang on the drive."""
-    effects = drive.model.effects.values()
-    hanging = sum(use.parameters["J"] for use in effects if issubclass(find_effect(use.type, "effects"), CompliantLoad))
+    kinds = [(use.parameters, find_effect(use.type, "effects").load_inertia) for use in drive.model.effects.values()]
+    hanging = sum(parameters[name] for parameters, name in kinds if name)
     own = drive.model.parameters[next(name for name in ("J", "m") if name in drive.model.parameters)]
     motion = np.array([[0.0, 0.5 * speed, 0.0], [0.0, 0.5 * speed, change]])
     low, high = (InverseModel(drive, 1e-3 * speed).along(point[None, :], SETTLED_TIME)[0] for point in motion)

@@ -75,9 +75,8 @@ class Evidence:
         given, fitted = (self.force_mse_as_written(f) for f in (motion.unfitted, motion.base))
         if force is None or not force.effects or given is None or fitted is None:
             return self
-        near_noise = (
-            force.fit.validation_mse <= self.criteria.min_force_over_noise** 2 * self.force_noise_mse
-            or motion.base.within_noise(self.criteria.min_force_over_noise)
+        near_noise = force.fit.validation_mse <= self.visible_force_mse or motion.base.within_noise(
+            self.criteria.min_force_over_noise
         )
         surely_more = BlockChange(given, fitted).t_ratio <= -self.criteria.min_t
         if (self.percent_of_effort(fitted) or 0.0) <= WHOLE_EFFORT or near_noise or not surely_more:
@@ -193,6 +192,11 @@ class Evidence:
         return np.inf if self.equation_error is None else self.equation_error.validation.noise_mse
 
     @property
+    def visible_force_mse(self) -> float:
+        """Mean square from which on a force residual is seen above that noise (`min_force_over_noise`)."""
+        return self.criteria.min_force_over_noise**2 * self.force_noise_mse
+
+    @property
     def force_noise_percent(self) -> float:
         """The same in per cent of the effort."""
         told = self.percent_of_effort(self.force_noise_mse)
@@ -207,7 +211,7 @@ class Evidence:
     def force_shows(self, f: FittedModel) -> bool:
         """Tell whether the force residual of a model is well above its noise floor (`min_force_over_noise`)."""
         left = self.force_mse(f)
-        return left is not None and float(np.mean(left)) > self.criteria.min_force_over_noise**2 * self.force_noise_mse
+        return left is not None and float(np.mean(left)) > self.visible_force_mse
 
     def share_left(self, left: Array | None) -> float | None:
         """Return a mean squared force (blocks,) as a share of the base model's, both beyond the noise floor."""

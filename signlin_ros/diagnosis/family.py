@@ -59,16 +59,11 @@ class FamilyChoice:
             family, tied = force.laws[name].effect.family, force.ties.get(name, ())
             for fit in force.replacements.get(name, ()):
                 new = next(iter(fit.names - force.fit.names), "")
-                alike = new in tied or fit.validation_mse < self._visible
+                alike = new in tied or fit.validation_mse < self.evidence.visible_force_mse
                 kin = bool(family) and new in force.laws and force.laws[new].effect.family == family
                 if alike and not kin and (other := self.simulated(fit)):
                     options.append(other)
         return next(iter(self.evidence.output_error.as_good_as_best(proposal, options)), proposal)
-
-    @property
-    def _visible(self) -> float:
-        """Squared force from which on it is seen above the noise."""
-        return self.evidence.criteria.min_force_over_noise**2 * self.evidence.force_noise_mse
 
     # ------------------------------------------------------------ a richer law of the same family
 

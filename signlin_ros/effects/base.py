@@ -102,7 +102,7 @@ class Effect(HasPars):
     floating: ClassVar[bool] = False
     """Whether its own states run away from where they should be (a load that is free in its play), so that an observer
     must correct them."""
-    hanging: ClassVar[str] = ""
+    load_inertia: ClassVar[str] = ""
     """Parameter that is an inertia behind a coupling: the nominal inertia of the plant may be that of both."""
     turning: ClassVar[tuple[str, str] | tuple[()]] = ()
     """(amplitude, phase) of a force that is the same with the amplitude's sign changed and half a turn more."""

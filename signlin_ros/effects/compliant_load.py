@@ -27,7 +27,7 @@ class CompliantLoad(Effect):
     finding = "an inertia of {J:.3g} {J.unit} swings on a coupling of {k:.3g} {k.unit}"
     experiment = "excite with a sweep up to the resonance"
     telling = ("J",)
-    hanging = "J"
+    load_inertia = "J"
     resonant = True
     states = {"position": "Q", "velocity": "Q/s"}
 

@@ -113,7 +113,7 @@ class Candidate:
         return replace(self, starts={key: start for key, start in self.starts.items() if key[1] == tau})
 
     @functools.cached_property
-    def hanging(self) -> tuple[int, tuple[int, ...]] | None:
+    def load_inertias(self) -> tuple[int, tuple[int, ...]] | None:
         """The coordinates of the plant's inertia, and of those that were added behind a coupling; None without both.
 
         The nominal inertia may be that of the driven side or of all that moves: what is known beforehand holds of the
@@ -121,17 +121,17 @@ class Candidate:
         """
         at = {k.name: i for i, k in enumerate(self.coordinates)}
         added = ((key, self.model.effects[key]) for key in self.label if key in self.model.effects)
-        behind = tuple(at[n] for key, use in added if (n := f"{key}.{EFFECTS[use.type].hanging}") in at)
+        behind = tuple(at[n] for key, use in added if (n := f"{key}.{EFFECTS[use.type].load_inertia}") in at)
         driven = at.get(self.model.plant.inertia_parameter)
         return (driven, behind) if behind and driven is not None and self.coordinates[driven].log else None
 
-    def together(self, theta: Array) -> Array:
+    def nearest_to_prior(self, theta: Array) -> Array:
         """Return the coordinates with the inertia of all that moves in place of the driven side's, if that is nearer to
         what is known beforehand.
         """
-        if self.hanging is None:
+        if self.load_inertias is None:
             return theta
-        (i, behind), found = self.hanging, theta.copy()
+        (i, behind), found = self.load_inertias, theta.copy()
         k = self.coordinates[i]
         found[i] = k.theta(k.value(theta[i]) + sum(self.coordinates[j].value(theta[j]) for j in behind))
         return found if abs(found[i] - k.prior) < abs(theta[i] - k.prior) else theta
@@ -141,9 +141,9 @@ class Candidate:
         derivatives (n, n).
         """
         known, spread = self._known
-        judged, slope = self.together(theta), np.diag(1.0 / spread)
-        if self.hanging is not None and judged is not theta:
-            i, behind = self.hanging
+        judged, slope = self.nearest_to_prior(theta), np.diag(1.0 / spread)
+        if self.load_inertias is not None and judged is not theta:
+            i, behind = self.load_inertias
             total = self.coordinates[i].value(judged[i])
             for j in (i, *behind):
                 slope[i, j] = self.coordinates[j].value(theta[j]) / (total * spread[i])

@@ -113,7 +113,7 @@ def _set_apart(at: Index, y: Array, calm: NDArray[np.bool_], few: int) -> NDArra
             continue
         limit = sizes[:-1][beyond].min()
         beyond_line = peaks[away[peaks] >= limit]
-        for k in beyond_line[~_turning(at, y, beyond_line, length)].tolist():
+        for k in beyond_line[~_turning(at, y, away, beyond_line, length)].tolist():
             found[1 + k : 1 + k + length] = True
     return np.flatnonzero(found)
 
@@ -130,26 +130,26 @@ def _away(y: Array, length: int) -> tuple[Array, Array]:
     return np.asarray(size), np.abs(after - before)
 
 
-def _turning(at: Index, y: Array, before: Index, length: int) -> NDArray[np.bool_]:
+def _turning(at: Index, y: Array, away: Array, before: Index, length: int) -> NDArray[np.bool_]:
     """Return whether the motion turns (K,) with some samples in a row: they lie near the cubic through two on each side
-    of them [Lagrange's form], for what they lie from the line through one; ``before`` (K,): the sample before them.
+    of them, for how far ``away`` (`_away`) they lie from the line through one; ``before`` (K,): the sample before them.
     """
+    found = np.zeros(before.size, dtype=np.bool_)
     inner = (before >= 1) & (before + length + 2 < y.size)
     k = before[inner]
-    sizes = []
-    for side in (1, 2):
-        known = [k + i for i in (*range(1 - side, 1), *range(length + 1, length + 1 + side))]
-        away = []
-        for inside in (k + 1 + i for i in range(length)):
-            said = np.zeros(k.size)
-            for one in known:
-                others = [other for other in known if other is not one]
-                said += y[one] * np.prod([(at[inside] - at[o]) / (at[one] - at[o]) for o in others], axis=0)
-            away.append(np.abs(y[inside] - said))
-        sizes.append(np.min(away, axis=0))
-    found = np.zeros(before.size, dtype=np.bool_)
-    found[inner] = sizes[1] < MIN_BESIDE_CUBIC * sizes[0]
+    known = [k + i for i in (-1, 0, length + 1, length + 2)]
+    distances = [np.abs(y[k + i] - _interpolated(at, y, known, k + i)) for i in range(1, length + 1)]
+    found[inner] = np.min(distances, axis=0) < MIN_BESIDE_CUBIC * away[k]
     return found
+
+
+def _interpolated(at: Index, y: Array, known: list[Index], place: Index) -> Array:
+    """Return what the polynomials through some samples, each (K,), give at others (K,) [Lagrange's form]."""
+    said = np.zeros(place.size)
+    for one in known:
+        others = [other for other in known if other is not one]
+        said += y[one] * np.prod([(at[place] - at[o]) / (at[one] - at[o]) for o in others], axis=0)
+    return said
 
 
 def _departing(record: ModelData, y: Array) -> NDArray[np.intp]:
@@ -181,7 +181,7 @@ def _off(y: Array, stepping: NDArray[np.bool_]) -> set[int]:
         away, apart = _away(y, length)
         limit = np.maximum(max(_unusual(away), least), MIN_OVER_NEIGHBOURS * apart)
         beyond_line = np.flatnonzero((away > limit) & ~stepping[1 : 1 + away.size])
-        for k in beyond_line[~_turning(np.arange(y.size), y, beyond_line, length)]:
+        for k in beyond_line[~_turning(np.arange(y.size), y, away, beyond_line, length)]:
             found |= set(range(k + 1, k + 1 + length))
     ends = 0 if stepping[-MAX_OUTLIER_RUN:].any() else _off_at_the_end(y, least)
     found |= {y.size - 1 - k for k in range(ends)}

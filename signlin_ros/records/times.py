@@ -87,9 +87,8 @@ def times_of(table: RawTable, signals: Mapping[str, str]) -> Times:
     text = [repr(note.channel) for note in table.notes if note.kind == "left_out" and note.channel]
     kind += f" (text is left out: {', '.join(text)})" if text else ""
     if table.rows.number.size < len(labels) / 10:
-        kind += (
-            f"; there are {len(labels)} columns of {table.rows.number.size} rows: if the signals are in rows, turn it"
-        )
+        shape = f"{len(labels)} columns of {table.rows.number.size} rows"
+        kind += f"; there are {shape}: if the signals are in rows, transpose the table"
     raise RecordError(
         f"{table.source}: {kind}; {listing(labels)}; name it with --signal t=COLUMN (or signals: {{t: COLUMN}}), "
         "or say --dt 0.01 where the rows are 0.01 s apart"
@@ -210,13 +209,10 @@ def _column(table: RawTable, head: Heading, unit: str) -> Times:
         elif found not in ("", "s"):
             notes.append(Note(f"{head.label!r} is taken for {found} since 1970, as its numbers say", "clock", "t"))
     begin = float(raw[0]) * how[0] if raw.size else 0.0
-    if found == "day":
-        t = units.scaled(from_first, how[0])
-    elif abs(begin) > CALENDAR and (how[0] != 1.0 or head.label in table.exact):
+    counted = abs(begin) > CALENDAR and (how[0] != 1.0 or head.label in table.exact)
+    if counted and found != "day":
         notes.append(Note(f"time counts from the first row, {begin:.3f} s after 1970", "clock", "t"))
-        t = units.scaled(from_first, how[0])
-    else:
-        t = units.scaled(raw, how[0])
+    t = units.scaled(from_first if counted else raw, how[0])
     if not found:
         notes += _asked(head, t)
     elif how[0] != 1.0 and not notes:

@@ -120,7 +120,7 @@ class EquationErrorResult:
 
     def changed(self) -> dict[str, tuple[float, float]]:
         """Return the sizes of chosen laws of one coefficient that surely differ between training and validation data,
-        each fitted by itself, in the law's unit by its name: (there, here).
+        each fitted by itself: (of training data, of validation data) in the law's unit, by its name.
         """
         r, found = self.regression, dict[str, tuple[float, float]]()
         other = replace(r, training=r.validation, validation=r.training).fitted(self.fit.members)

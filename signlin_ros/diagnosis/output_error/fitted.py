@@ -40,7 +40,7 @@ ODD, UNTOLD = 3.0, 0.95
 
 class FittedCoordinate(NamedTuple):
     """A coordinate of a fit, where it ended, its standard error, and where it is judged by what is known beforehand: an
-    inertia perhaps with what hangs on it, see `Candidate.together`.
+    inertia perhaps with that of its load, see `Candidate.nearest_to_prior`.
     """
 
     k: Coordinate
@@ -264,7 +264,7 @@ def coordinates_of(f: Fit, covariances: Sequence[Array]) -> tuple[FittedCoordina
     """Return a fit's coordinates with standard errors, the largest of some covariances; inf of what moves nothing."""
     variances = np.max([np.diag(c) for c in covariances], axis=0)
     errors = np.sqrt(np.where(variances > 0.0, variances, np.inf))
-    judged = f.candidate.together(f.theta)
+    judged = f.candidate.nearest_to_prior(f.theta)
     values = zip(f.candidate.coordinates, f.theta.tolist(), errors.tolist(), judged.tolist(), strict=True)
     return tuple(FittedCoordinate(*one) for one in values)
 
