@@ -11,11 +11,8 @@ from dataclasses import replace
 import numpy as np
 
 from signlin_ros.arms.fit import CoefficientEstimate, fit
-from signlin_ros.arms.keys import Key, SearchResult, names_of
+from signlin_ros.arms.keys import SEEN_ELSEWHERE, Key, SearchResult, names_of
 from signlin_ros.arms.search import MIN_COEFFICIENT_ERRORS, TIE, State
-
-ONE_OR_OTHER = ("sensor_gain", "compliant_load")
-"""Laws of a joint in whose place those of other joints are asked for."""
 
 
 def rivals_left(state: State, estimate: CoefficientEstimate) -> list[SearchResult]:
@@ -26,11 +23,10 @@ def rivals_left(state: State, estimate: CoefficientEstimate) -> list[SearchResul
 def _left(state: State, estimate: CoefficientEstimate, law: SearchResult) -> tuple[Key, ...]:
     """Return the rivals of a law: those of its joint, and those of other joints that take its place."""
     own = tuple(key for key in law.rivals if key.at == law.key.at)
-    if law.key.law not in ONE_OR_OTHER:
+    if law.key.law not in SEEN_ELSEWHERE:
         return own
-    taken = {(key.law, key.at) for key, _ in state.terms}
     others = [Key(law.key.law, i) for i in range(state.robot.n) if i not in state.barred]
-    others = [key for key in others if (key.law, key.at) not in taken]
+    others = [key for key in others if not any(key.same(taken) for taken, _ in state.terms)]
     without = state.without(estimate, *law.names, weights=estimate.weights)
     least = TIE * _worth(without, estimate)
     return (*own, *(key for key in others if _takes_place(state, estimate, without, key, least)))
