@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from signlin_ros.diagnosis import diagnose
+from signlin_ros.fitting.prepare import prepared
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.simulation import simulate
@@ -55,6 +58,14 @@ def coasting(model: Model, seed: int, speed: float, seconds: float, resolution: 
     v = simulate(model, t, np.zeros(t.size), [0.0, speed])["velocity"] + noise * random.normal(size=t.size)
     measured, names = {"velocity": np.round(v / resolution) * resolution}, (model.inputs, model.states)
     return ModelData(t, np.zeros((t.size, 1)), measured, None, *names, dict(model.units))
+
+
+def test_a_motion_reverses_where_one_of_its_records_does():
+    slide = Model.from_dict({"plant": "mass_spring_damper", "parameters": {"m": 1.0, "c": 0.1, "k": 0.0}})
+    one_way = coasting(slide, 1, 3.0, 20.0, 0.01, 0.001)
+    back = replace(one_way, measured={"velocity": np.sin(one_way.t)})
+    for data, reverses in (([one_way], False), ([one_way, back], True)):
+        assert prepared(slide, data, data)[0].reverses is reverses
 
 
 def coast_down(parameters: dict[str, float], hidden: dict[str, float], speeds: tuple[float, float], **how: float):
