@@ -1,0 +1,10 @@
+"""The machines of all families, by name."""
+
+from __future__ import annotations
+
+from benchmarks.machines import axes, coasting, complete, foreign, motors, rigs, stages
+from benchmarks.machines.rig import MACHINES
+
+FAMILIES = (motors, axes, coasting, stages, rigs, foreign, complete)
+
+__all__ = ["FAMILIES", "MACHINES"]
