@@ -202,11 +202,15 @@ class CoefficientEstimate:
 
     def errors(self) -> Array:
         """Return standard errors (k,) that allow for residuals that are alike within a block."""
+        return self.errors_along(np.eye(len(self.theta)))
+
+    def errors_along(self, directions: Array) -> Array:
+        """Return the same of sums of coefficients, each a row of their factors (m, k)."""
         X = self.design.known * self.weights[self.rows.joint, None]
         S = blocks(X * (self.residual * self.weights[self.rows.joint])[:, None], self.rows.block)
-        inner = self.inverse()
-        robust = np.sqrt(np.maximum(np.einsum("ij,ji->i", inner @ (S.T @ S), inner), 0.0))
-        return np.asarray(np.maximum(robust, np.sqrt(np.maximum(np.diag(inner), 0.0))))
+        along = self.inverse() @ directions.T
+        robust = np.linalg.norm(S @ along, axis=0)
+        return np.asarray(np.maximum(robust, np.sqrt(np.maximum(np.sum(directions.T * along, axis=0), 0.0))))
 
 
 def blocks(values: Array, block: NDArray[np.int64]) -> Array:

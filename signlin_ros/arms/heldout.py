@@ -32,9 +32,25 @@ def foretells(before: CoefficientEstimate, trial: CoefficientEstimate, names: tu
     Unseen rows by themselves must not say otherwise.
     [Harvey, Leybourne and Newbold, Journal of Business and Economic Statistics 16(2), 1998]
     """
+    return agree(trial, names) and _slope_errors(before, trial, joint) >= MIN_VALIDATION_ERRORS
+
+
+def agree(trial: CoefficientEstimate, names: tuple[str, ...]) -> bool:
+    """Tell whether unseen rows by themselves do not say otherwise of some coefficients than a fit."""
     own, other, errors = _both(trial, names)
-    agree = np.abs(own[0] - other) <= MIN_VALIDATION_ERRORS * np.hypot(own[1], errors)
-    return bool(agree.all()) and _slope_errors(before, trial, joint) >= MIN_VALIDATION_ERRORS
+    return bool((np.abs(own[0] - other) <= MIN_VALIDATION_ERRORS * np.hypot(own[1], errors)).all())
+
+
+def foretold_both_ways(before: CoefficientEstimate, trial: CoefficientEstimate) -> Array:
+    """Return by what part (n,) the squares of unseen rows fall by a law, and those of the fit foretold from the others.
+
+    Bodies of one motion are wrong for another, with a law that they imitate and without it, by chance in one way more
+    than in the other. Of the two ways each row is unseen in one.   [Stone, J. Royal Statistical Society B 36(2), 1974]
+    """
+    ways = [[e, fit(e.design.swapped(), e.new, e.rows, e.weights)] for e in (before, trial)]
+    squares = [[e.new.counts * np.nan_to_num(e.matched_rms) ** 2 for e in pair] for pair in ways]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(1.0 - np.sum(squares[1], axis=0) / np.sum(squares[0], axis=0))
 
 
 def ratio_on_all(trial: CoefficientEstimate, names: tuple[str, ...]) -> float:
@@ -42,13 +58,18 @@ def ratio_on_all(trial: CoefficientEstimate, names: tuple[str, ...]) -> float:
 
     A body imitates what a law does in one motion, and hardly in two.
     """
+    whole = on_all(trial)
+    at = [trial.design.at(name) for name in names]
+    return float(np.abs(whole.theta[at] / np.maximum(whole.errors()[at], 1e-300)).max())
+
+
+def on_all(trial: CoefficientEstimate) -> CoefficientEstimate:
+    """Return the fit of the same design to all rows, first those of the fit, then unseen ones, weights as they are."""
     rows, new, design = copy(trial.rows), trial.new, trial.design
     rows.joint, rows.y = np.concatenate([rows.joint, new.joint]), np.concatenate([rows.y, new.y])
     rows.block = np.concatenate([rows.block, new.block + 1 + rows.block.max(initial=0)])
     X = np.concatenate([design.known, design.unseen])
-    whole = fit(FitDesign(design.names, X, X, design.mean, design.sd), rows, rows, trial.weights)
-    at = [design.at(name) for name in names]
-    return float(np.abs(whole.theta[at] / np.maximum(whole.errors()[at], 1e-300)).max())
+    return fit(FitDesign(design.names, X, X, design.mean, design.sd), rows, rows, trial.weights)
 
 
 def _both(trial: CoefficientEstimate, names: tuple[str, ...]) -> tuple[tuple[Array, Array], Array, Array]:
@@ -71,4 +92,4 @@ def _slope_errors(before: CoefficientEstimate, trial: CoefficientEstimate, joint
     return slope * size / max(scatter, 1e-300)
 
 
-__all__ = ["MIN_VALIDATION_ERRORS", "again", "foretells", "ratio_on_all"]
+__all__ = ["MIN_VALIDATION_ERRORS", "again", "agree", "foretells", "foretold_both_ways", "on_all", "ratio_on_all"]

@@ -56,12 +56,15 @@ EXTRA = (
     JointLaw("cubic_viscous_friction", "b3", base="viscous_friction", positive=False),
     JointLaw("asymmetric_viscous_friction", "b_p", base="viscous_friction", positive=False),
     JointLaw("load_dependent_friction", "kappa_e", loaded=True),
+    JointLaw("linear_stiffness", "k"),
 )
 """What may be missing beyond that."""
 ASKED = (JointLaw("power_law_friction", "c", "a", base="viscous_friction"),)
 """What is not searched for among others: near standstill it looks like dry friction that sets in gradually
 (`signlin_ros.arms.forms`).
 """
+BY_EFFECT = {law.effect: law for law in (*EXTRA, *ASKED)}
+"""The laws beyond basic friction by their effects."""
 
 
 class Loads:
@@ -228,6 +231,7 @@ def tilt(rows: RegressionRows, loads: Loads) -> Array:
 __all__ = [
     "ASKED",
     "BASIC",
+    "BY_EFFECT",
     "EXTRA",
     "JointLaw",
     "Loads",

@@ -10,13 +10,17 @@ from numpy.typing import NDArray
 
 from signlin_ros.arms.data import gains_of
 from signlin_ros.arms.keys import GAIN, Key, SearchResult
+from signlin_ros.arms.search import MIN_COEFFICIENT_ERRORS
 from signlin_ros.arms.study import Study
 from signlin_ros.arms.warmth import differing
+from signlin_ros.robots.inertia import TEN, least_eigenvalue_along
 
 if TYPE_CHECKING:
     from signlin_ros.arms.verbs import ArmDiagnosis
 
 Array = NDArray[np.float64]
+LITTLE = 0.02
+"""Part of a joint's residual by which bodies that exist may leave more of its effort before that is told."""
 
 
 def weigh(prismatic: bool) -> str:
@@ -76,6 +80,30 @@ def resized_notes(diagnosis: ArmDiagnosis) -> list[str]:
     return found
 
 
+def bent(diagnosis: ArmDiagnosis) -> list[str]:
+    """Return sentences on bodies that the rows of the fit ask for beyond doubt and that cannot exist, where those that
+    are written cost a joint more than a little.
+    """
+    study, estimate = diagnosis.comparison.study, diagnosis.estimate
+    if not study.model.arm.consistent:
+        return []
+    bodies = (estimate.pi - study.carried - diagnosis.state.point(estimate)).reshape(-1, TEN)
+    written, free = diagnosis.comparison.table.model, estimate.rms
+    found = list[str]()
+    for i in (i for i in range(study.robot.n) if i not in study.barred and written[i] > (1.0 + LITTLE) * free[i]):
+        value, factors = least_eigenvalue_along(bodies[i])
+        direction = np.zeros((1, len(estimate.theta)))
+        direction[0, TEN * i : TEN * (i + 1)] = factors
+        error = float(estimate.errors_along(direction)[0])
+        if value < -MIN_COEFFICIENT_ERRORS * error:
+            unit = study.robot.joints[i].effort_unit
+            asked = f"the fit asks for a pseudo-inertia with the eigenvalue {value:.2g} ± {error:.1g} kg·m²"
+            cost = f"with bodies that exist {written[i]:.3g} {unit} of its effort are left, and not {free[i]:.3g}"
+            said = "something acts like it that is not in the model (a spring, friction that sets in gradually)"
+            found.append(f"{study.names[i]}: {asked}, which no body has; {cost}: {said}")
+    return found
+
+
 def _before(law: SearchResult, now: Array) -> float:
     return float(now[law.key.at] * (1.0 + law.values[0]))
 
@@ -119,6 +147,7 @@ def weighed_beside(diagnosis: ArmDiagnosis) -> list[str]:
 
 __all__ = [
     "as_good",
+    "bent",
     "name_of",
     "payload_alone",
     "resized_notes",

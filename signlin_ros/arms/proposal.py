@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from signlin_ros.arms.consistent import consistent, existing
 from signlin_ros.arms.fit import CoefficientEstimate
 from signlin_ros.arms.keys import Key
-from signlin_ros.arms.laws import across_gravity
+from signlin_ros.arms.laws import BY_EFFECT, across_gravity
 from signlin_ros.arms.search import State
 from signlin_ros.arms.study import Study
 from signlin_ros.effects import find_effect
@@ -122,7 +122,7 @@ def _section(study: Study, state: State, values: dict[str, float], i: int, parte
     name = study.names[i]
     before = study.model.to_dict().get(name, {})
     found: dict[str, object] = {key: before[key] for key in ("effort",) if key in before}
-    inertia = max(values.get(f"{i}.motor_inertia", 0.0), 0.0)
+    inertia = max(values.get(f"{i}.motor_inertia", float(state.inertias[i])), 0.0)
     if inertia > 0.0:
         found["parameters"] = {MOTOR_INERTIA: inertia}
     effects = {k: v for k, v in before.get("effects", {}).items() if v.get("type", k) not in _REPLACED}
@@ -140,7 +140,7 @@ def _section(study: Study, state: State, values: dict[str, float], i: int, parte
 
 _REPLACED = (
     *("viscous_friction", "coulomb_friction", "constant_load", "stribeck_friction", "cubic_viscous_friction"),
-    *("asymmetric_viscous_friction", "power_law_friction", "load_dependent_friction"),
+    *("asymmetric_viscous_friction", "power_law_friction", "load_dependent_friction", "linear_stiffness"),
 )
 """Effects that are worked out anew."""
 
@@ -174,7 +174,9 @@ def _parameters(key: Key, value: float, b: float, mu: float) -> dict[str, float]
         return {"c": value, "a": key.shape}
     if key.law == "asymmetric_viscous_friction":
         return {"b_p": b + value, "b_n": b - value}
-    return {"kappa_d": 0.0, "kappa_e": value}
+    if key.law == "load_dependent_friction":
+        return {"kappa_d": 0.0, "kappa_e": value}
+    return {BY_EFFECT[key.law].linear: value}
 
 
 def _allowed(effect: str, values: dict[str, float]) -> dict[str, float]:

@@ -17,7 +17,14 @@ from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
 from signlin_ros.arms.fit import IN_RECORD, CoefficientEstimate, FitDesign, blocks, fit, rigid
-from signlin_ros.arms.heldout import MIN_VALIDATION_ERRORS, again, foretells, ratio_on_all
+from signlin_ros.arms.heldout import (
+    MIN_VALIDATION_ERRORS,
+    again,
+    agree,
+    foretells,
+    foretold_both_ways,
+    ratio_on_all,
+)
 from signlin_ros.arms.keys import DELAY, GAIN, SEEN_ELSEWHERE, Key, SearchResult, names_of
 from signlin_ros.arms.laws import (
     BASIC,
@@ -62,7 +69,8 @@ MAX_LAWS_ADDED = 12
 class State:
     """Where a search stands: the rows, the laws in the model so far, and what they were found by.
 
-    ``barred``: joints of which nothing is told; ``known``: laws that are not searched for; ``lumped`` (10 n,): the
+    ``barred``: joints of which nothing is told; ``behind``: joints whose effort is measured behind the gear, so that
+    the motor's inertia is not in it; ``known``: laws that are not searched for; ``lumped`` (10 n,): the
     inertia of a payload that was found, as that of a point, which its columns leave out; ``spread``: standard deviation
     of a record's size of friction around one, 0 where friction is the same in all.
     """
@@ -75,6 +83,7 @@ class State:
     inertias: Array
     payload_at: tuple[int, Array, Array] | None
     barred: frozenset[int] = frozenset()
+    behind: frozenset[int] = frozenset()
     carried: Array | float = 0.0
     tilts: bool = True
     known: frozenset[Key] = frozenset()
@@ -139,7 +148,7 @@ class State:
         for i, law in self.basic:
             known, unseen = (column(law, 0.0, r, i, loads) for r in self.both)
             found = found.plus((f"{i}.{law.effect}.{law.linear}",), known, unseen)
-        for i, given in enumerate(self.inertias):
+        for i, given in ((i, given) for i, given in enumerate(self.inertias) if i not in self.behind):
             known, unseen = (motor_inertia(r, i) for r in self.both)
             sd = GIVEN * given if given > 0.0 else np.inf
             found = found.plus((f"{i}.motor_inertia",), known, unseen, float(given), sd)
@@ -299,20 +308,21 @@ def _stands(
     if _of_one_sign(key, law) and values[0] <= 0.0:
         return None
     before, after = estimate.matched_rms, trial.matched_rms
+    elsewhere = key.law in SEEN_ELSEWHERE
+    fall = foretold_both_ways(estimate, trial) if elsewhere else _fall(before, after)
     with np.errstate(invalid="ignore", divide="ignore"):
-        fall = 1.0 - (after / before) ** 2
-        worth = float(np.nansum(np.log(before) - np.log(after)))
+        worth = -0.5 * float(np.nansum(np.log(1.0 - fall)))
     needed = needed_errors(tried)
     sure = float(np.abs(values / np.maximum(errors, 1e-300)).max()) >= needed
-    if not sure and (law is not None or key.law in SEEN_ELSEWHERE):
+    if not sure and (law is not None or elsewhere):
         sure = ratio_on_all(trial, names) >= needed
     if key.law == "payload":
         if not (sure and _relieved(estimate, trial, count) and worth > -0.01 * state.robot.n):
             return None
         worth = max(worth, _drop(estimate, trial) / max(len(state.rows), 1))
     else:
-        visible = np.nanmax(fall) if key.at < 0 or key.law in SEEN_ELSEWHERE else fall[key.at]
-        if not (sure and visible > MIN_VALIDATION_SHARE and worth > 0.0 and _held(estimate, trial, promise)):
+        visible = np.nanmax(fall) if key.at < 0 or elsewhere else fall[key.at]
+        if not (sure and visible > MIN_VALIDATION_SHARE and worth > 0.0 and _held(estimate, trial, promise, needed)):
             return None
     return SearchResult(key, names, values, errors, before, after, worth), law
 
@@ -343,10 +353,22 @@ def needed_errors(tried: int) -> float:
     return max(MIN_COEFFICIENT_ERRORS, float(norm.isf(DOUBT / max(tried, 1) / 2)))
 
 
-def _held(estimate: CoefficientEstimate, trial: CoefficientEstimate, promise: _Promise) -> bool:
-    """Tell whether unseen rows say the same of a law: by themselves, or, of friction, in what the fit foretells."""
-    names = names_of(promise.key)
-    return again(trial, names) or (promise.law is not None and foretells(estimate, trial, names, promise.key.at))
+def _held(estimate: CoefficientEstimate, trial: CoefficientEstimate, promise: _Promise, needed: float) -> bool:
+    """Tell whether unseen rows say the same of a law: by themselves; of friction, in what the fit foretells; or, of
+    what bodies imitate in one motion, together with the rows of the fit, which they agree with.
+    """
+    names, key = names_of(promise.key), promise.key
+    if again(trial, names):
+        return True
+    if key.law in SEEN_ELSEWHERE:
+        return agree(trial, names) and ratio_on_all(trial, names) >= needed
+    return promise.law is not None and foretells(estimate, trial, names, key.at)
+
+
+def _fall(before: Array, after: Array) -> Array:
+    """Return by what part the squares (n,) fall from one RMS to another."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(1.0 - (after / before) ** 2)
 
 
 def _drop(estimate: CoefficientEstimate, trial: CoefficientEstimate) -> float:

@@ -90,6 +90,7 @@ class Study:
             *(self.robot, self.rows, self.new, self.model.arm.tolerance, tuple(laws), inertias),
             payload_at=None if silent else where,
             barred=barred,
+            behind=frozenset(self.link_side),
             carried=self.carried,
             tilts=not silent,
             spread=0.0 if self.warmth is None else self.warmth.spread,
@@ -188,9 +189,14 @@ def unseen_noise(study: Study) -> Array:
 
 
 def predicted(model: ArmModel, rows: RegressionRows) -> Array:
-    """Return the effort (N,) that a model needs for the motion of some rows: rigid body, motors, effects."""
+    """Return the effort (N,) that a model needs for the motion of some rows: rigid body, motors, effects.
+
+    Of an effort that is measured behind the gear the motor's inertia is no part.
+    """
     plant, robot = model.arm_plant, model.robot
-    inertias = np.array([model.parameters[f"{name}.{MOTOR_INERTIA}"] for name in robot.names])
+    behind = model.link_side
+    given = [0.0 if name in behind else model.parameters[f"{name}.{MOTOR_INERTIA}"] for name in robot.names]
+    inertias = np.array(given)
 
     def of(piece: ArmSegment) -> Array:
         body = inverse_dynamics(robot, piece.q, piece.v, piece.a)

@@ -9,8 +9,10 @@ import numpy as np
 
 from signlin_ros.arms.foretold import foretold_json, forward_json, forward_text, speed_unit
 from signlin_ros.arms.keys import DELAY, GAIN, SEEN_ELSEWHERE, SearchResult
+from signlin_ros.arms.laws import BY_EFFECT
 from signlin_ros.arms.notes import (
     as_good,
+    bent,
     name_of,
     payload_alone,
     resized_notes,
@@ -26,18 +28,10 @@ from signlin_ros.effects import find_effect
 from signlin_ros.plants.joint import joint_plant
 from signlin_ros.recording.trace import resolve_unit
 
-_SHAPES = {"stribeck_friction": "v_s", "power_law_friction": "a"}
-"""By effect: the parameter that does not enter linearly."""
 MAX_LITTLE_SHARE = 0.05
 """Part of its effort from which on what a joint leaves is more than little."""
 MAX_NOISE_RATIO = 2.0
 """Times its noise up to which what a joint leaves may be that."""
-_LINEAR = {
-    "stribeck_friction": "excess",
-    "cubic_viscous_friction": "b3",
-    "power_law_friction": "c",
-    "load_dependent_friction": "kappa_e",
-}
 
 
 def compared_json(comparison: ArmComparison, source: str, data: list[str]) -> dict[str, Any]:
@@ -76,7 +70,7 @@ def diagnosed_json(diagnosis: ArmDiagnosis, text: str, source: str, data: list[s
     content["robot"] = {"payload": payload, "gains": gains, "couplings": couplings}
     content["robot"] |= _delays(diagnosis)
     content["robot"] |= {"tilt": _tilt(diagnosis)} if _tilt(diagnosis) else {}
-    content["notes"] += [*resized_notes(diagnosis), *unwritten(diagnosis), *weighed_beside(diagnosis)]
+    content["notes"] += [*resized_notes(diagnosis), *unwritten(diagnosis), *weighed_beside(diagnosis), *bent(diagnosis)]
     return {
         "verdict": verdict(diagnosis),
         **content,
@@ -291,10 +285,10 @@ def parameters(study: Study, found: SearchResult) -> dict[str, Any]:
         units = ("kg", "kg·m", "kg·m", "kg·m") if key.law == "payload" else ("rad", "rad")
         rows = zip(names, found.values, found.errors, units, strict=True)
         return {n: _value(float(v), float(e), u) for n, v, e, u in rows}
-    linear = _LINEAR.get(key.law, "b_p")
-    content = {linear: _value(value, error, _unit(study, key.at, key.law, linear))}
-    if key.law in _SHAPES:
-        content[_SHAPES[key.law]] = _value(key.shape, 0.0, _unit(study, key.at, key.law, _SHAPES[key.law]))
+    law = BY_EFFECT[key.law]
+    content = {law.linear: _value(value, error, _unit(study, key.at, key.law, law.linear))}
+    if law.shape:
+        content[law.shape] = _value(key.shape, 0.0, _unit(study, key.at, key.law, law.shape))
     return content
 
 
@@ -311,6 +305,7 @@ def _fall(before: float, after: float, study: Study, i: int) -> str:
 def sentence(study: Study, found: SearchResult) -> str:
     """Return the sentence on a law, its size and its gain."""
     key, value = found.key, float(found.values[0])
+    stiffness = _unit(study, key.at, "linear_stiffness", "k")
     elsewhere = key.at < 0 or key.law in SEEN_ELSEWHERE
     i = int(np.nanargmax(np.log(found.before / found.after))) if elsewhere else key.at
     whose = f"the effort of {study.names[key.at]} is" if key.at >= 0 else "all efforts are"
@@ -322,8 +317,9 @@ def sentence(study: Study, found: SearchResult) -> str:
         "cubic_viscous_friction": f"viscous friction that grows {'faster' if value > 0 else 'slower'} than speed",
         "power_law_friction": f"friction that grows with the power {key.shape:.2g} of speed",
         "asymmetric_viscous_friction": "viscous friction that differs by direction",
+        "linear_stiffness": f"a spring acts on it, {value:.2g} {stiffness}",
         "sensor_gain": f"the gain of its effort is off: it shows {1 + value:.3g} times what acts",
-        "compliant_load": f"its gear or belt is elastic, about {1 / value:.2g} N·m/rad" if value else "",
+        "compliant_load": f"its gear or belt is elastic, about {1 / value:.2g} {stiffness}" if value else "",
         "payload": f"a payload of {value:.3g} ± {float(found.errors[0]):.2g} kg on {study.payload_link}",
         "tilt": "the base is tilted: gravity comes from elsewhere",
     }[key.law]

@@ -17,7 +17,7 @@ from signlin_ros.arms.fit import CoefficientEstimate, blocks, fit
 from signlin_ros.arms.forms import better_forms
 from signlin_ros.arms.heldout import MIN_VALIDATION_ERRORS
 from signlin_ros.arms.keys import SEEN_ELSEWHERE, Key, SearchResult, names_of
-from signlin_ros.arms.laws import ASKED, EXTRA, JointLaw, shapes
+from signlin_ros.arms.laws import BY_EFFECT, JointLaw, shapes
 from signlin_ros.arms.proposal import Proposal, proposal
 from signlin_ros.arms.rivals import rivals_left
 from signlin_ros.arms.search import MIN_COEFFICIENT_ERRORS, MIN_VALIDATION_SHARE, State, search, settled
@@ -115,7 +115,8 @@ def compare(
 def _compared(found: Study) -> ArmComparison:
     state = found.state()
     basic, rigid = settled(state), found.rigid().rms
-    _look_at_rotors(found, basic, rigid)
+    if _behind_gears(found, basic, rigid):
+        basic = settled(found.state())
     as_given = found.as_given(found.new)
     own = found.new.by_joint(found.left(found.model, found.new))
     table = JointTable(as_given, rigid, basic.rms, own)
@@ -135,24 +136,27 @@ def _warmth(whole: Study, laws: Sequence[tuple[Key, JointLaw | None]]) -> Warmth
     return warmth(estimate, state.friction(estimate), state.loads(estimate))
 
 
-def _look_at_rotors(found: Study, basic: CoefficientEstimate, rigid: Array) -> None:
+def _behind_gears(found: Study, basic: CoefficientEstimate, rigid: Array) -> bool:
     """Note efforts in which neither the motors' inertias nor much friction is seen: they are of the link's side.
 
     That is a fact of the robot, so most joints must say so; a slow robot's motors are not seen either, its friction is.
     """
+    if found.link_side:
+        return False
     errors = dict(zip(basic.design.names, basic.errors().tolist(), strict=True))
     told = [i for i in range(found.robot.n) if i not in found.barred]
     unseen = [i for i in told if basic[f"{i}.motor_inertia"] < ROTOR * errors[f"{i}.motor_inertia"]]
     efforts = found.new.by_joint(found.new.y)[told]
     share = float(np.sqrt(np.sum(np.maximum(rigid**2 - basic.rms**2, 0.0)[told]) / np.sum(efforts**2)))
-    if found.link_side or not told or len(unseen) <= len(told) / 2 or share > FRICTIONLESS:
-        return
+    if not told or len(unseen) <= len(told) / 2 or share > FRICTIONLESS:
+        return False
     seen = (
         f"in the efforts of {len(unseen)} of {len(told)} joints no motor's inertia is seen, and friction is {share:.0%}"
     )
     advice = "say side: link, or give the motors' inertias if they are not"
     found.notes.append(f"{seen} of all: they look measured on the link's side ({advice})")
     found.link_side.update(dict.fromkeys(told, LINK_SIDE))
+    return True
 
 
 @one_thread
@@ -238,7 +242,7 @@ def add(
     joint, _, name = effect.rpartition(".")
     if joint not in model.robot.names:
         raise ModelError(f"{effect}: no joint {joint!r}; allowed: JOINT.EFFECT with {choices(model.robot.names)}")
-    laws = {law.effect: law for law in (*EXTRA, *ASKED)}
+    laws = BY_EFFECT
     if name not in laws:
         known_ = (*laws, "viscous_friction", "coulomb_friction", "constant_load")
         if name not in known_:
@@ -282,9 +286,9 @@ def add(
 
 def _in_file(found: Study) -> list[tuple[Key, JointLaw | None]]:
     """Return the laws that the file has in its joints beside basic friction."""
-    laws, kept = {law.effect: law for law in (*EXTRA, *ASKED)}, list[tuple[Key, JointLaw | None]]()
+    kept = list[tuple[Key, JointLaw | None]]()
     for key, use in found.model.effects.items():
-        law, at = laws.get(use.type), found.model.arm_plant.place_of(key)
+        law, at = BY_EFFECT.get(use.type), found.model.arm_plant.place_of(key)
         if law is not None and at not in found.barred and at not in found.link_side:
             shape = float(use.parameters[law.shape]) if law.shape else 0.0
             kept.append((Key(use.type, at, shape), law))

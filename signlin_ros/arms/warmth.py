@@ -18,6 +18,7 @@ from scipy.stats import chi2
 from signlin_ros.arms.fit import IN_RECORD, CoefficientEstimate, FitDesign, fit
 from signlin_ros.arms.laws import JointLaw, Loads, column
 from signlin_ros.arms.piece import RegressionRows
+from signlin_ros.effects import find_effect
 
 Array = NDArray[np.float64]
 Friction = Sequence[tuple[int, JointLaw, float, float]]
@@ -25,8 +26,6 @@ OPEN = 1.0
 """Standard deviation of a record's size of friction where nothing is known of their scatter."""
 DOUBT = 1e-4
 """Probability with which friction that is the same in all records is told to differ."""
-NO_FRICTION, NO_FRICTION_AT = "constant_load", ".constant_load.F0"
-"""Of basic friction, what does not depend on temperature, and its coefficient."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +61,11 @@ def with_sizes(
     return design
 
 
+def _warms(law: JointLaw) -> bool:
+    """Tell whether a law is friction; loads and springs are not, and do not depend on temperature."""
+    return not find_effect(law.effect, "effects").external
+
+
 def in_record(
     estimate: CoefficientEstimate, friction: Friction, record: int
 ) -> list[tuple[int, JointLaw, float, float]]:
@@ -69,14 +73,14 @@ def in_record(
     matched = dict(zip(estimate.design.names, estimate.matched.tolist(), strict=True))
 
     def size(i: int, law: JointLaw) -> float:
-        return 1.0 if law.effect == NO_FRICTION else 1.0 + matched.get(name_of_size(i, record), 0.0)
+        return 1.0 + matched.get(name_of_size(i, record), 0.0) if _warms(law) else 1.0
 
     return [(i, law, shape, value * size(i, law)) for i, law, shape, value in friction]
 
 
 def _needed(laws: Friction, rows: RegressionRows, loads: Loads) -> Array:
     """Return the effort (N, 1) that the friction of a place needs."""
-    parts = [value * column(law, shape, rows, i, loads) for i, law, shape, value in laws if law.effect != NO_FRICTION]
+    parts = [value * column(law, shape, rows, i, loads) for i, law, shape, value in laws if _warms(law)]
     return np.sum(parts, axis=0) if parts else np.zeros((len(rows), 1))
 
 
@@ -109,8 +113,8 @@ def warmth(estimate: CoefficientEstimate, friction: Friction, loads: Loads) -> W
 def _held(estimate: CoefficientEstimate, friction: Friction) -> FitDesign:
     """Return the design of an estimate, the coefficients of its friction held where they are."""
     design = estimate.design
-    names = {f"{i}.{law.effect}{end}" for i, law, _, _ in friction for end in ("", f".{law.linear}")}
-    at = np.array([name in names and not name.endswith(NO_FRICTION_AT) for name in design.names])
+    names = {f"{i}.{law.effect}{end}" for i, law, _, _ in friction if _warms(law) for end in ("", f".{law.linear}")}
+    at = np.array([name in names for name in design.names])
     return replace(design, mean=np.where(at, estimate.theta, design.mean), sd=np.where(at, 0.0, design.sd))
 
 

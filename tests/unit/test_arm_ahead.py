@@ -107,7 +107,7 @@ def test_dry_friction_holds_what_it_can_hold():
 def test_a_law_needs_on_both_sides_what_its_force_says(law):
     key = Key(law.effect, 1, 0.5 if law.shape else 0.0)
     model, plain = forward([(key, law)], **{f"1.{law.effect}": 0.3}), forward()
-    q, v = np.zeros((2, N)), np.array([[0.2, 0.7, 0.1], [0.2, -0.7, 0.1]])
+    q, v = np.full((2, N), 0.6), np.array([[0.2, 0.7, 0.1], [0.2, -0.7, 0.1]])
     load = np.full((2, N), 4.0)
     needed = []
     for one in (model, plain):
@@ -119,6 +119,7 @@ def test_a_law_needs_on_both_sides_what_its_force_says(law):
         "cubic_viscous_friction": 0.3 * speed**3,
         "asymmetric_viscous_friction": 0.3 * np.abs(speed),
         "load_dependent_friction": 0.3 * 4.0 * np.sign(speed),
+        "linear_stiffness": 0.3 * 0.6,
     }[law.effect]
     np.testing.assert_allclose(needed[0] - needed[1], expected, atol=1e-12)
 

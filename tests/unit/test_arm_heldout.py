@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from signlin_ros.arms.fit import FitDesign, fit
-from signlin_ros.arms.heldout import again, foretells, ratio_on_all
-from signlin_ros.arms.keys import Key
+from signlin_ros.arms.heldout import again, agree, foretells, foretold_both_ways, ratio_on_all
+from signlin_ros.arms.keys import GAIN, Key
 from signlin_ros.arms.laws import EXTRA
 from signlin_ros.arms.piece import RegressionRows
 from signlin_ros.arms.search import _Promise, _stands, needed_errors
@@ -77,3 +77,23 @@ def test_a_law_of_friction_that_the_fit_leaves_in_doubt_stands_if_all_rows_tell_
     state = SimpleNamespace(rows=known, new=unseen)
     promise = _Promise(1.0, Key(FRICTION.effect, 0), FRICTION, known.z[:, None], unseen.z[:, None])
     assert (_stands(state, before, promise, 50) is not None) == (law > 0.0)
+
+
+def test_each_row_is_foretold_once_by_the_others():
+    """Which of two records is fitted does not matter; a law that is there is worth it, one that is not is not."""
+    known, unseen = Rows(1, 0.3), Rows(2, 0.3)
+    falls = [foretold_both_ways(*fitted(*pair))[0] for pair in ((known, unseen), (unseen, known))]
+    assert falls[0] == pytest.approx(falls[1], rel=1e-12)
+    assert falls[0] > 0.9
+    assert foretold_both_ways(*fitted(Rows(1, 0.0), Rows(2, 0.0)))[0] < 0.02
+
+
+@pytest.mark.parametrize(("other", "said"), [(0.3, True), (-0.3, False)])
+def test_a_gain_that_one_record_leaves_open_stands_if_both_agree_and_together_tell_it(other, said):
+    known, unseen = Rows(1, 0.3), Rows(2, other, apart=0.02)
+    before, trial = fitted(known, unseen)
+    assert not again(trial, LAW)
+    assert agree(trial, LAW) == said
+    state = SimpleNamespace(rows=known, new=unseen)
+    promise = _Promise(1.0, Key(GAIN, 0), None, known.z[:, None], unseen.z[:, None])
+    assert (_stands(state, before, promise, 50) is not None) == said

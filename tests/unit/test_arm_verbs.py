@@ -279,7 +279,7 @@ def test_a_report_has_a_row_and_pictures_of_every_joint(tmp_path, capsys):
 def light_wrist(seeds, payload=None):
     """Return a model whose last link hardly weighs, and records whose last effort shows 1.2 times what acts."""
     text = SMALL.with_suffix(".urdf").read_text()
-    for heavy, light in (("1.0", "0.02"), ("0.25", "0.01")):
+    for heavy, light in (("1.0", "0.005"), ("0.25", "0.0025")):
         text = text.replace(f'<mass value="{heavy}"/>', f'<mass value="{light}"/>')
     text = text.replace('iyy="0.006" iyz="0" izz="0.006"', 'iyy="0.001" iyz="0" izz="0.001"')
     model = Model.from_dict({**MODEL.to_dict(), "robot": text, **({"payload": payload} if payload else {})})

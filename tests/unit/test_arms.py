@@ -11,7 +11,7 @@ import pytest
 
 from signlin_ros.arms.data import ArmRun, effort_step
 from signlin_ros.arms.laws import EXTRA, Loads, column, force
-from signlin_ros.arms.notes import unwritten, weighed_beside
+from signlin_ros.arms.notes import bent, unwritten, weighed_beside
 from signlin_ros.arms.piece import ArmSegment, RegressionRows
 from signlin_ros.arms.search import Key, settled
 from signlin_ros.arms.told import compared_json, diagnosed_json, effects_named, sentences
@@ -82,6 +82,53 @@ def test_friction_that_grows_with_the_load_is_named_in_its_joint(loaded_friction
     assert law.values[0] == pytest.approx(0.12, rel=0.25)
     table = found.comparison.table
     assert table.model[1] < 0.8 * table.basic[1]
+
+
+def test_a_spring_is_named_written_and_not_named_again(tmp_path):
+    """A balancer or a bundle of cables pulls on the elbow, which rests where the spring is longer than nothing."""
+
+    def pulled(seed):
+        t, q, v, u = record(TRUE, seed)
+        u[:, 2] += 1.5 * (q[:, 2] - 0.2)
+        return ArmRun(t, q, v, u, "simulated", np.zeros(3))
+
+    known, unseen = pulled(8), pulled(9)
+    found = diagnose(MODEL, [known], [unseen], BAND)
+    assert named(found) == {"elbow": ["linear_stiffness"]}
+    assert found.found[0].values[0] == pytest.approx(1.5, rel=0.05)
+    assert any("a spring acts on it, 1.5 N·m/rad" in line for line in sentences(found))
+    again = found.proposal.model
+    assert dict(again.effects)["elbow.linear_stiffness"].parameters["k"] == pytest.approx(1.5, rel=0.05)
+    assert (compare(again, [known], [unseen], BAND).table.model <= 1.02 * found.comparison.table.model).all()
+    assert named(diagnose(again, [known], [unseen], BAND)) == {}
+
+
+def test_the_motors_inertia_is_no_part_of_an_effort_behind_its_gear(nothing_hidden):
+    known, unseen = nothing_hidden
+    own = {**MODEL.to_dict()["elbow"], "effort": {"side": "link"}}
+    sided = Model.from_dict({**MODEL.to_dict(), **HERE, "elbow": own})
+    behind, before = (compare(model, [known], [unseen], BAND) for model in (sided, MODEL))
+    assert {*before.basic.design.names} - {*behind.basic.design.names} == {"2.motor_inertia"}
+    rows = before.study.new
+    needed = before.study.left(sided, rows) - before.study.left(MODEL, rows)
+    motor = MODEL.parameters["elbow.motor_inertia"] * rows.motor(2, lambda piece: piece.a[:, 2])
+    np.testing.assert_allclose(needed, motor, atol=1e-12)
+    assert diagnose(sided, [known], [unseen], BAND).proposal.model.value("elbow.motor_inertia") == 0.03
+
+
+def test_what_bodies_that_exist_cost_is_told_where_the_fit_asks_for_others_beyond_doubt(nothing_hidden):
+    known, unseen = nothing_hidden
+    found = diagnose(MODEL, [known], [unseen], BAND)
+    assert bent(found) == []
+    estimate, at = found.estimate, found.estimate.design.at("elbow.Ixx")
+    theta = estimate.theta.copy()
+    theta[at] += 0.5  # more than the two others together
+    asked = replace(found, estimate=replace(estimate, theta=theta))
+    assert bent(asked) == []  # the row is no worse than the fit's
+    table = replace(found.comparison.table, model=1.5 * asked.estimate.rms)
+    (line,) = bent(replace(asked, comparison=replace(found.comparison, table=table)))
+    assert line.startswith("elbow: the fit asks for a pseudo-inertia with the eigenvalue -0.2")
+    assert "which no body has" in line
 
 
 def test_friction_that_the_file_leaves_out_of_a_joint_is_named(nothing_hidden):

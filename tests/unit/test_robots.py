@@ -9,7 +9,14 @@ import pytest
 
 from signlin_ros.errors import ModelError
 from signlin_ros.robots import inverse_dynamics, mass_matrix, read_urdf, regressor
-from signlin_ros.robots.inertia import about_centre, from_pseudo_inertia, least_eigenvalue, moved, pseudo_inertia
+from signlin_ros.robots.inertia import (
+    about_centre,
+    from_pseudo_inertia,
+    least_eigenvalue,
+    least_eigenvalue_along,
+    moved,
+    pseudo_inertia,
+)
 from signlin_ros.robots.recorded import Factors, Recorded
 
 SHARED = Path(os.environ.get("SIGNLIN_DATA", "../shared/data")) / "joints"
@@ -181,3 +188,13 @@ def test_a_urdf_whose_inertia_cannot_be_is_told():
     robot = read_urdf(text)
     assert list(robot.inconsistent()) == ["shoulder"]
     assert not read_urdf(SMALL).inconsistent()
+
+
+def test_the_least_eigenvalue_grows_with_each_parameter_as_is_said():
+    rng = np.random.default_rng(3)
+    pi = about_centre(2.0, rng.normal(size=3), np.diag([0.02, 0.03, 0.04]))
+    value, slope = least_eigenvalue_along(pi)
+    assert value == pytest.approx(least_eigenvalue(pi), rel=1e-9)
+    step = 1e-6 * np.eye(10)
+    differences = [(least_eigenvalue(pi + s) - least_eigenvalue(pi - s)) / 2e-6 for s in step]
+    np.testing.assert_allclose(slope, differences, atol=1e-6)
