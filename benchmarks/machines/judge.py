@@ -29,9 +29,10 @@ def judge(truth: Truth, answer: Mapping[str, Any] | None, refused: bool = False)
             return "right"
         if answer["verdict"] == "adequate":
             return "wrong"
-        return "part" if known & explaining(answer) else "honest"
-    sets = {frozenset(one.split("+")) for one in truth.right}
-    fits = any(frozenset(one) in sets for one in product(*named) if len(set(one)) == len(one))
+        return "part" if known & set(last_row(answer)) else "honest"
+    sets = {frozenset(one.split("+")) - {"adequate"} for one in truth.right if one not in ("unexplained", "refused")}
+    choices = (frozenset(one) for one in product(*named) if len(set(one)) == len(one))
+    fits = any(one in sets or one - set(truth.also) in sets for one in choices)
     if fits and all(within for _, _, _, within in values(truth, answer)):
         return "right"
     return "part" if known & set().union(*named) else "wrong"
@@ -39,23 +40,21 @@ def judge(truth: Truth, answer: Mapping[str, Any] | None, refused: bool = False)
 
 def proposed(answer: Mapping[str, Any]) -> list[set[str]]:
     """Return for each effect of the proposal the effects that it may stand for."""
-    final = answer["ladder"][-1]["effects"] if answer["verdict"] == "missing" and answer["ladder"] else []
+    final = last_row(answer) if answer["verdict"] == "missing" else []
     entries = {e["effect"]: e for e in answer["ranking"]}
     ties = [_tie(entries[name]) if name in entries else {name} for name in final]
     return [tie if len(tie) <= MOST_TIED else {name} for name, tie in zip(final, ties, strict=True)]
 
 
-def explaining(answer: Mapping[str, Any]) -> set[str]:
-    """Return the effects that are told to explain a part."""
-    return {e["effect"] for e in answer["ranking"] if e["status"] in ("partial", "confirmed")}
+def last_row(answer: Mapping[str, Any]) -> list[str]:
+    """Return the effects of the ladder's last row: what is proposed, or told to explain a part."""
+    return list(answer["ladder"][-1]["effects"]) if answer["ladder"] else []
 
 
 def values(truth: Truth, answer: Mapping[str, Any]) -> list[tuple[str, float, float, bool]]:
     """Return name, value, true value, and whether it is within its tolerance, of what is named and known."""
     found = []
     for entry in answer["ranking"]:
-        if entry["status"] not in ("confirmed", "ambiguous", "partial"):
-            continue
         for name, told in entry["parameters"].items():
             key = f"{entry['effect']}.{name}"
             if truth.values and key in truth.values and told.get("value") is not None:

@@ -19,7 +19,7 @@ from typing import Any
 
 from benchmarks.hidden.score import _brief, _known
 from benchmarks.machines.families import MACHINES
-from benchmarks.machines.judge import GRADES, explaining, judge, proposed, values
+from benchmarks.machines.judge import GRADES, judge, last_row, proposed, values
 from benchmarks.machines.rig import Machine
 
 MINUTES = 20.0
@@ -60,11 +60,9 @@ def _processor_time() -> float:
 
 
 def _told(answer: dict[str, Any]) -> dict[str, Any]:
-    """Return what is judged of an answer, with what explains a part and what the check found."""
-    parts = [e for e in answer["ranking"] if e["status"] == "partial"]
-    brief = _brief(answer)
+    """Return what is judged of an answer, and what the check found."""
     found = [f"{f['check']} ({f['severity']})" for f in answer["record"]["findings"]]
-    return {**brief, "ranking": [*brief["ranking"], *parts], "record": sorted(set(found))}
+    return {**_brief(answer), "record": sorted(set(found))}
 
 
 def line(row: dict[str, Any]) -> str:
@@ -76,7 +74,7 @@ def line(row: dict[str, Any]) -> str:
     elif answer["verdict"] == "missing":
         said = " + ".join("/".join(sorted(tie)) for tie in proposed(answer))
     else:
-        said = " ".join([answer["verdict"], *(f"({name} a part)" for name in sorted(explaining(answer)))])
+        said = " ".join([answer["verdict"], *(f"({name} a part)" for name in last_row(answer))])
     told = values(truth, answer) if answer else []
     numbers = ", ".join(f"{n} {v:.3g} ({true:.3g}){'' if good else ' OFF'}" for n, v, true, good in told)
     return f"{row['name']:22} {grade:7} {row['seconds']:6.1f}  {' | '.join(truth.right):42} {said}  {numbers}"
