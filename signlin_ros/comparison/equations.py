@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import casadi as ca
@@ -82,6 +83,15 @@ def tape_of(t: Trace, plant: type[Plant], e: ca.SX) -> SwitchedTape:
     return SwitchedTape(tape(e), tape(ca.vertcat(*(s.g for s in t.surfaces))) if others else None)
 
 
+def with_measured(model: Model, measured: Collection[str]) -> Model:
+    """Return the model with a state for what follows at once, where that is ``measured``: then it is known, and its
+    equation, the time constant in it, is not asked.
+    """
+    quick = [name for name, time in model.plant.settling_times(model.parameters).items() if time == 0.0]
+    known = quick and measured and set(model.plant.algebraic(model.parameters)) <= set(measured)
+    return model.with_parameters(dict.fromkeys(quick, 1.0)) if known else model
+
+
 def bare(model: Model) -> Model:
     """Return the plant without any effect."""
     for key in list(model.effects):
@@ -111,4 +121,5 @@ __all__ = [
     "mass",
     "rate_of",
     "tape_of",
+    "with_measured",
 ]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import binary_dilation, grey_opening
 
-from signlin_ros.comparison.equations import SwitchedTape, force_equations, inertia, mass
+from signlin_ros.comparison.equations import SwitchedTape, force_equations, inertia, mass, with_measured
 from signlin_ros.effects import find_effect
 from signlin_ros.effects.base import Effect
 from signlin_ros.filters import low_pass, sensor_noise, slope
@@ -242,7 +242,7 @@ def best_cutoff(model: Model, data: Sequence[ModelData], share: float) -> float:
     """Return the widest band in Hz in which noise stays below a ``share`` of the effort (of the inertial force where
     nothing drives), in the median of records.
     """
-    return float(np.median([_cutoff(_Raw(model, d), share) for d in data]))
+    return float(np.median([_cutoff(_Raw(with_measured(model, d.measured), d), share) for d in data]))
 
 
 def _cutoff(raw: _Raw, share: float) -> float:
@@ -261,7 +261,8 @@ def effort_gain(model: Model, current: bool) -> float:
 
 def force_segment(model: Model, data: ModelData, cutoff: float) -> ForceSegment:
     """Return a record (without gaps) as the equation-error estimate sees it, with a low-pass at ``cutoff`` Hz."""
-    raw, plant = _Raw(model, data), model.plant
+    model, plant = with_measured(model, data.measured), model.plant
+    raw = _Raw(model, data)
     step, length = raw.step, raw.t[-1]
     wide = min(LAW_BAND_RATIO * cutoff, HIGHEST / step)
     q, v, noise, lost = raw.motion(wide)
@@ -329,7 +330,7 @@ def _direction(v: Array, noise: float, net: Array, wide: float, step: float) -> 
 
 def missing_force(model: Model, force_segment: ForceSegment) -> Array:
     """Return the force (T,) on the moving mass that a model lacks along a piece, before the low-pass."""
-    model = model.under(force_segment.conditions)
+    model = with_measured(model, force_segment.values).under(force_segment.conditions)
     rate, inert = force_equations(model.structure).rate, mass(model)
     return _missing(model, force_segment, rate, force_segment.states(model)) * inert
 
@@ -344,7 +345,7 @@ def asked_effort(model: Model, force_segment: ForceSegment) -> Array:
     """Return the missing force (K,) as the effort that it asks for: more where friction follows the load, or where the
     model lets less of the input act: no effort explains itself.
     """
-    model = model.under(force_segment.conditions)
+    model = with_measured(model, force_segment.values).under(force_segment.conditions)
     equations, inert = force_equations(model.structure), mass(model)
     x, effects = force_segment.states(model), model.effects.items()
     left = force_segment.seen(_missing(model, force_segment, equations.rate, x) * inert)

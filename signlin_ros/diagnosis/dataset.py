@@ -30,10 +30,11 @@ MAX_SWING_RATIO = 1.15
 
 @dataclass(frozen=True, eq=False)
 class Dataset:
-    """The records as given or held out, prepared as ``training`` and ``validation`` data; ``told_hold``: how their
-    inputs act, if that was found (`signlin_ros.diagnosis.input_hold`).
+    """The model ``given``, its records as given or held out, prepared as ``training`` and ``validation`` data;
+    ``told_hold``: how their inputs act, if that was found (`signlin_ros.diagnosis.input_hold`).
     """
 
+    given: Model
     records: tuple[ModelData, ...]
     training: Problem
     validation: Problem
@@ -41,7 +42,7 @@ class Dataset:
 
     @property
     def model(self) -> Model:
-        """The model as given, with its position as a state where that is measured."""
+        """The model as given, with its position as a state where that is measured, without what settles at once."""
         return self.training.base
 
     @property
@@ -104,9 +105,9 @@ def dataset_of(model: Model, data: Records, validation: Records | None = None) -
     load_entry_points()
     known = as_list(data)
     if model.plant.closed_loop and validation is None:
-        return Dataset(tuple(known), *held_in_turn(model, known))
+        return Dataset(model, tuple(known), *held_in_turn(model, known))
     known, unseen = held_out(known) if validation is None else (known, as_list(validation))
-    return Dataset((*known, *unseen), *prepared(model, known, unseen))
+    return Dataset(model, (*known, *unseen), *prepared(model, known, unseen))
 
 
 __all__ = ["Dataset", "Records", "dataset_of"]

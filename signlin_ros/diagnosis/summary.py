@@ -23,6 +23,7 @@ from signlin_ros.diagnosis.wording.reasons import REASONS
 from signlin_ros.diagnosis.wording.rivals import told as rivals_told
 from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.errors import InputError
+from signlin_ros.fitting.settled import restored
 
 
 def summary_of(evidence: Evidence, verdict: Verdict) -> Diagnosis:
@@ -30,7 +31,7 @@ def summary_of(evidence: Evidence, verdict: Verdict) -> Diagnosis:
     dataset, doubts = evidence.dataset, doubts_of(evidence, verdict.selection.rivals, verdict.final)
     ladder = tuple(row(evidence, f, force_left(evidence, f, verdict.final)) for f in verdict.steps)
     ranking = _ranking(evidence, verdict, doubts)
-    model = rounded(verdict.final.model, verdict.final.parameters)
+    model = rounded(restored(verdict.final.model, dataset.given), verdict.final.parameters)
     base, parameters = (_parameters(evidence, f) for f in (verdict.base, verdict.final))
     findings = findings_of(evidence, verdict, model, {*base, *parameters})
     return Diagnosis(
@@ -63,7 +64,7 @@ def summary_of(evidence: Evidence, verdict: Verdict) -> Diagnosis:
         horizon=dataset.horizon,
         findings=findings,
         rivals=rivals(evidence, verdict),
-        given_model=dataset.model.to_yaml(),
+        given_model=restored(dataset.model, dataset.given).to_yaml(),
     )
 
 

@@ -14,6 +14,7 @@ from signlin_ros.fitting.derived import MAX_UNTOLD_LAG, lag, without_derived
 from signlin_ros.fitting.fit import Fit
 from signlin_ros.fitting.following import follow_records
 from signlin_ros.fitting.problem import Problem, looks, prepare, stretch_of
+from signlin_ros.fitting.settled import reads_before, with_settled
 from signlin_ros.follow.data import measured_channels
 from signlin_ros.follow.segments import (
     LEAST_SAMPLES,
@@ -59,9 +60,12 @@ def held_out(data: Sequence[ModelData]) -> tuple[list[ModelData], list[ModelData
 
 def prepared(model: Model, first: Sequence[ModelData], second: Sequence[ModelData]) -> tuple[Problem, Problem]:
     """Return the problems of training data and of unseen ones; raises `RecordError` where they tell too little."""
+    model, acting, settled = with_settled(with_measured_position(model, [*first, *second]), [*first, *second])
+    first, second = ([acting(one) for one in side] for side in (first, second))
     data = [*first, *second]
-    model = with_measured_position(model, data)
     channels = measured_channels(model, data)
+    if reads_before(model, data):
+        channels = tuple(c for c in channels if c not in model.plant.algebraic(model.parameters)) or channels
     check_moving(data, channels)
     (known, notes), (unseen, more) = _cut(first, channels), _cut(second, channels)
     own = without_derived(model, [*known, *unseen], channels)
@@ -73,7 +77,7 @@ def prepared(model: Model, first: Sequence[ModelData], second: Sequence[ModelDat
         )
     else:
         notes += tuple(_derived(model, data, c) for c in channels if c not in own)
-    notes += constant_inputs(model, data)
+    notes += (*settled, *constant_inputs(model, data))
     problem = replace(prepare(model, known, own), notes=notes, parts=tuple(known))
     segments = tuple(prepared_segment(problem.base, problem.channels, part) for part in unseen)
     noise, other = (sensor_noise([(s.t, s.y) for s in one]) for one in (problem.segments, segments))

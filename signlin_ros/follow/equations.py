@@ -277,12 +277,12 @@ def _channel(t: Trace, name: str) -> ca.SX:
     """Return a measured channel as an expression: a state or an output."""
     if name in t.states:
         return t.x[t.states.index(name)]
-    outputs = [o for o in t.outputs if o not in t.states]
-    if name in outputs:
-        return t.y[outputs.index(name)]
+    if name in t.outputs:
+        return t.y[t.outputs.index(name)]
     if name in t.inputs:
         return t.u[t.inputs.index(name)]
-    raise ModelError(f"channel {name!r} is neither a state nor an output; known: {', '.join((*t.states, *outputs))}")
+    known = ", ".join(dict.fromkeys((*t.states, *t.outputs)))
+    raise ModelError(f"channel {name!r} is neither a state nor an output; known: {known}")
 
 
 def _delay(t: Trace, p: ca.SX) -> Array:

@@ -85,9 +85,19 @@ class Plant(HasPars):
         raise NotImplementedError
 
     @classmethod
+    def algebraic(cls, values: Mapping[str, float]) -> dict[str, str]:
+        """Return what follows states and inputs at once, and is an output beside the states, with units."""
+        return {}
+
+    @classmethod
+    def settling_times(cls, values: Mapping[str, float]) -> dict[str, float]:
+        """Return time constants in s by the parameter that makes them: where it is 0, a state is `algebraic`."""
+        return {}
+
+    @classmethod
     def channels(cls, values: Mapping[str, float]) -> dict[str, str]:
         """Return the quantities that a sensor can be on, with units: states, outputs, an optional position too."""
-        return {**cls.states(values), cls.position: cls.position_unit, **cls.outputs}
+        return {**cls.states(values), cls.position: cls.position_unit, **cls.outputs, **cls.algebraic(values)}
 
     @classmethod
     def aliases(cls) -> dict[str, str]:

@@ -18,7 +18,8 @@ class DcMotor(Plant):
     """A permanent-magnet DC motor.
 
     L_a i' = V - R_a i - K_m w,  J w' = K_t i - B w - T_L + effects,  q' = w.   [paper eq. (28)]
-    With L_a = 0 the current follows the voltage at once and is no state.
+    With L_a = 0 the current follows the voltage at once, i = (V - K_m w) / R_a, and is an output instead of a state
+    [singular perturbation: Khalil, Nonlinear Systems, 3rd ed., example 11.1].
     """
 
     name = "dc_motor"
@@ -46,6 +47,16 @@ class DcMotor(Plant):
         current = {} if values["L_a"] == 0.0 else {"current": "A"}
         return {**current, "speed": "rad/s"}
 
+    @classmethod
+    def algebraic(cls, values: Mapping[str, float]) -> dict[str, str]:
+        """Return the current where there is no inductance."""
+        return {"current": "A"} if values["L_a"] == 0.0 else {}
+
+    @classmethod
+    def settling_times(cls, values: Mapping[str, float]) -> dict[str, float]:
+        """Return the time constant of the winding, L_a / R_a."""
+        return {"L_a": values["L_a"] / values["R_a"]}
+
     def rates(self, m: Any, x: Any, u: Any, p: Any, act: Acting) -> dict[str, Any]:
         """Paper eq. (28)."""
         resistance = x.resistance = act.resistance(p.R_a)
@@ -54,7 +65,6 @@ class DcMotor(Plant):
             x.current = quasi_static_current(u.voltage, x.velocity, p.K_m, resistance)
         torque = act.torque_constant(p.K_t) * x.current
         load = getattr(u, "load_torque", 0)
-        rates = {"speed": (torque - p.B * x.velocity - load + act.force(torque, 0)) / p.J}
-        if not quasi_static:
-            rates["current"] = (u.voltage - resistance * x.current - p.K_m * x.velocity) / p.L_a
-        return rates
+        rate = (torque - p.B * x.velocity - load + act.force(torque, 0)) / p.J
+        drop = u.voltage - resistance * x.current - p.K_m * x.velocity
+        return {"speed": rate, "current": x.current if quasi_static else drop / p.L_a}

@@ -149,7 +149,7 @@ class _Tracer:
     def _states(self) -> None:
         plant = self.structure.plant
         values = {name: 0.0 if name in self.structure.zeros else 1.0 for name in plant.pars()}
-        self.units = dict(plant.states(values))
+        self.units, self.algebraic = dict(plant.states(values)), plant.algebraic(values)
         self.symbols = {name: ca.SX.sym(name) for name in self.units}
         self.x = _Coordinates()
         for name, symbol in self.symbols.items():
@@ -276,18 +276,20 @@ def trace(structure: Structure) -> Trace:
     tracer = _Tracer(structure)
     results, delay = tracer.run()
     states, inputs = tuple(tracer.symbols), tuple(tracer.input_symbols)
-    extra = tuple(structure.plant.outputs)
+    extra = {**structure.plant.outputs, **tracer.algebraic}
+    shown = dict(zip(states, tracer.symbols.values(), strict=True)) if tracer.algebraic else {}
+    shown |= {name: results[name] for name in extra}
     result = Trace(
         states=states,
         inputs=inputs,
-        outputs=(*extra,) if extra else states,
-        units={**tracer.units, **structure.plant.outputs},
+        outputs=tuple(shown) or states,
+        units={**tracer.units, **extra},
         parameters=tuple(tracer.parameters),
         x=ca.vertcat(*tracer.symbols.values()),
         u=ca.vertcat(*tracer.input_symbols.values()),
         p=ca.vertcat(*tracer.parameters.values()) if tracer.parameters else ca.SX(0, 1),
         f=ca.vertcat(*(results[name] for name in states)),
-        y=ca.vertcat(*(results[name] for name in extra)) if extra else ca.SX(0, 1),
+        y=ca.vertcat(*shown.values()) if shown else ca.SX(0, 1),
         delay=delay,
         surfaces=tuple(tracer.m.surfaces),
     )

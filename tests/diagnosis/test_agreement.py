@@ -200,7 +200,7 @@ def left(*fits: Fit) -> dict[Fit, np.ndarray]:
 
 
 def both(motion: Any, force: Any, *fits: Fit, tried: Any = (), kept: Any = None) -> Evidence:
-    dataset = Dataset((SimpleNamespace(units={}),), motion.training, motion.validation)
+    dataset = Dataset(motion.training.base, (SimpleNamespace(units={}),), motion.training, motion.validation)
     motion.cache = FitCache(weighed=list(tried), force_mse=left(*fits) if kept is None else kept)
     return Evidence(dataset, motion, force)
 

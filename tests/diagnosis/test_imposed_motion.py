@@ -309,8 +309,8 @@ def test_of_one_cycle_alone_it_is_said_that_speed_and_memory_look_alike(amplitud
         units = {"displacement": "m", "force": "N", "velocity": "m/s"}
         records.append(ModelData(t, v[:, None], force, None, ("velocity",), ("displacement",), units))
     model, driven = (SimpleNamespace(base=m) for m in (model, Model.load("dc_motor")))
-    assert Dataset(tuple(records), model, model).one_cycle is told
-    assert not Dataset(tuple(records), driven, driven).one_cycle
+    assert Dataset(model.base, tuple(records), model, model).one_cycle is told
+    assert not Dataset(driven.base, tuple(records), driven, driven).one_cycle
 
 
 @pytest.mark.parametrize(("strokes", "seen"), [(2, True), (8, False)], ids=["there and back", "to and fro"])

@@ -37,7 +37,8 @@ SAME_NAMES = {"coulomb_friction", "stribeck_friction", "constant_load", "hard_st
 
 @njit
 def mechanical(t, u, load, x0, p, step):  # type: ignore[no-untyped-def]
-    """Rows (current, velocity, position) at the times t.  R_a = 0: the input is a force, no current."""
+    """Rows (current, velocity, position) at the times t.  R_a = 0: the input is a force, no current.  L_a = 0: the
+    current is that of the input which acts from its row on."""
     R, L, K_t, K_m, mass, damping, k, mu, excess, v_s, F0, A, q0, A_c, N, phi, gap, k_s = p
     i, v, q = x0
     out = np.empty((len(t), 3))
@@ -61,6 +62,8 @@ def mechanical(t, u, load, x0, p, step):  # type: ignore[no-untyped-def]
             free, most = v + h * force / mass, h * level / mass
             v = free - min(max(free, -most), most)
             q += h * v
+        if R > 0 and L == 0:
+            i = (u[sample + 1] - K_m * v) / R
         out[sample + 1] = i, v, q
     return out
 

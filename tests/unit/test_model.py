@@ -110,9 +110,9 @@ BAD = {
     "scale is negative": (motor(sign_scale=-1.0), ["sign_scale", "-1", "[0, 1e+12]"]),
     "scale 0 without a range": (motor(sign_scale=0.0), ["operating_range", "missing", "sign_scale 0.0"]),
     "range of an unknown state": (motor(operating_range={"sped": 3.0}), ["operating_range", "did you mean 'speed'"]),
-    "range of a current without inductance": (
-        motor(parameters={**MOTOR, "L_a": 0.0}, operating_range={"current": 3.0}),
-        ["operating_range", "there are: speed, voltage; with L_a = 0 the current follows", "is no state"],
+    "start of a current without inductance": (
+        motor(parameters={**MOTOR, "L_a": 0.0}, initial_state={"current": 3.0}),
+        ["initial_state", "current", "is no state"],
     ),
     "range is zero": (motor(operating_range={"speed": 0.0}), ["operating_range.speed", "found 0", "(0, inf)"]),
     "a start that is no number": (motor(initial_state={"speed": math.nan}), ["found nan", "allowed: a finite number"]),

@@ -384,13 +384,10 @@ def test_a_plant_says_itself_which_inputs_may_be_left_out(monkeypatch: pytest.Mo
         record(voltage=1, speed=[3, 4, 5, 6]).for_model(loaded)
 
 
-def test_a_current_that_is_no_state_without_inductance_is_told() -> None:
-    model = motor(parameters=MOTOR["parameters"] | {"L_a": 0.0}, signals={"current": "shunt"})
-    data = record(voltage=2, speed=1, shunt=3).for_model(model)
-    assert "current" not in data.measured
-    assert data.notes == ("'shunt' is not used: with L_a = 0 the current follows the voltage at once and is no state",)
-    inductive = motor(signals={"current": "shunt"})
-    assert record(voltage=2, speed=1, shunt=3).for_model(inductive).measured["current"][0] == 3
+@pytest.mark.parametrize("inductance", [0.0, 0.0026])
+def test_a_current_is_read_with_inductance_and_without(inductance) -> None:
+    model = motor(parameters=MOTOR["parameters"] | {"L_a": inductance}, signals={"current": "shunt"})
+    assert record(voltage=2, speed=1, shunt=3).for_model(model).measured["current"][0] == 3
 
 
 @pytest.mark.parametrize("name", ["speed", "voltage"])

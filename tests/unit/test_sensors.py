@@ -171,10 +171,11 @@ def test_what_is_refused(effects, words):
         assert word in str(caught.value)
 
 
-def test_the_current_of_a_motor_without_inductance_is_no_channel():
+def test_the_current_of_a_motor_without_inductance_is_a_channel():
+    """It is no state, but a sensor is on it all the same."""
     quick = MOTOR.with_parameters(L_a=0.0)
-    with pytest.raises(ModelError, match=re.escape("sensor_offset.current: unknown channel; known: position, speed")):
-        quick.with_effect("sensor_offset", current=0.1)
+    assert "current" not in quick.states
+    assert quick.with_effect("sensor_offset", current=0.1).sensors["current"].offset == 0.1
 
 
 @pytest.mark.parametrize(

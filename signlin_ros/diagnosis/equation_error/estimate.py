@@ -9,7 +9,7 @@ from itertools import compress
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.comparison.equations import inertia
+from signlin_ros.comparison.equations import inertia, with_measured
 from signlin_ros.comparison.force_segment import ForceSegment, best_cutoff, effort_gain, force_segment, stamped
 from signlin_ros.diagnosis.blocks import MIN_DIVISOR
 from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA, Criteria
@@ -43,13 +43,15 @@ BROADER = 1.2
 class EquationErrorResult:
     """What the equation-error estimate found of a model: values, by sets of laws.
 
-    ``regression``: both data, base parameters and laws; ``sets``: the best fit of every set of laws that was fitted, by
-    their names; ``base``: of none; ``fit``: the chosen set; ``sound``: the sets of which every law is needed;
+    ``given``: the model; ``regression``: both data, base parameters and laws; ``sets``: the best fit of every set of
+    laws that was fitted, by their names; ``base``: of none; ``fit``: the chosen set; ``sound``: the sets of which every
+    law is needed;
     ``helpful``: laws that take away some of the force residual, alone or beside others; ``waves``: orders that the
     records can tell; ``flexible``: what a flexible curve takes away beside the chosen set; by its effects,
     ``replacements``: sets with another law in the place of one, and ``ties``: those that are as good.
     """
 
+    given: Model
     regression: Regression
     sets: Mapping[frozenset[str], RegressionFit]
     base: RegressionFit
@@ -62,13 +64,14 @@ class EquationErrorResult:
     ties: Mapping[str, tuple[str, ...]]
 
     @classmethod
-    def of(cls, search: SubsetSearch) -> EquationErrorResult:
-        """Return the result of a search that has been run."""
+    def of(cls, given: Model, search: SubsetSearch) -> EquationErrorResult:
+        """Return the result of a search that has been run, for a model."""
         fit, base = search.chosen, search.base
         flexible = structured(search.r, search.waves, base, fit)
         sets = dict(search.models)  # before what follows is asked: it does not depend on that
         beside = {name: search.beside(fit, name) for name, _ in fit.members}
         return cls(
+            given,
             search.r,
             sets,
             base,
@@ -138,7 +141,7 @@ class EquationErrorResult:
 
     def with_laws(self, fit: RegressionFit) -> Model:
         """Return the model with the laws of a fit, all values as found there."""
-        r, model = self.regression, self.regression.model
+        r, model = self.regression, self.given
         for name, _ in fit.members:
             model = model.with_effect(name, free_key(model, name), **self.values(fit, name))
         moved = zip(r.names[:-1], fit.theta, strict=False)
@@ -159,7 +162,7 @@ def estimate_equation_error(
     model = known.base
 
     def below(cutoff: float) -> EquationErrorResult:
-        return EquationErrorResult.of(subset_search(known, unseen, cutoff, criteria))
+        return EquationErrorResult.of(model, subset_search(known, unseen, cutoff, criteria))
 
     cutoff = best_cutoff(model, known.parts, criteria.max_inertial_noise)
     first = below(cutoff)
@@ -175,7 +178,7 @@ def subset_search(
     known: Problem, unseen: Problem, cutoff: float, criteria: Criteria = DEFAULT_CRITERIA
 ) -> SubsetSearch:
     """Return the search among sets of laws below a cut-off in Hz, when it has been run."""
-    model = known.base
+    model = with_measured(known.base, set.intersection(*({*part.measured} for part in known.parts)))
     first, second = ([force_segment(model, part, cutoff) for part in side.parts] for side in (known, unseen))
     r = _regression(model, first, second, known.turns, criteria)
     scale = _scale_of(model, first)
