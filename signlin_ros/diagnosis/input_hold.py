@@ -23,6 +23,7 @@ from signlin_ros.diagnosis.equation_error.estimate import EquationErrorResult
 from signlin_ros.diagnosis.output_error import OutputErrorEstimator
 from signlin_ros.diagnosis.output_error.fitting import LAST_STEPS
 from signlin_ros.diagnosis.output_error.score import improvement, log_mse, windowed
+from signlin_ros.diagnosis.output_error.trials import seen_loads
 from signlin_ros.diagnosis.wording import phrases
 from signlin_ros.errors import InputError, SimulationError
 from signlin_ros.fitting.fit import fit
@@ -118,7 +119,7 @@ def _tried(motion: OutputErrorEstimator, force: EquationErrorResult | None, stop
     known: dict[Names, Array] = {(): base.training_squares}
     rest: dict[Names, Callable[[], Array]] = {(): lambda: base.validation_squares}
     at: dict[Names, Array] = {}
-    for names, start in _leading(force):
+    for names, start in _leading(motion, force):
         if stop and at_noise(motion, min(known.values(), key=lambda squares: log_mse(squares, problem.noise))):
             break
         motion.progress.check()
@@ -134,8 +135,10 @@ def _tried(motion: OutputErrorEstimator, force: EquationErrorResult | None, stop
     return HoldTrial(motion, known, rest, at)
 
 
-def _leading(force: EquationErrorResult | None) -> Iterator[tuple[Names, Model]]:
-    """Yield the effects that the force names, and the single laws that leave least of it, with their values."""
+def _leading(motion: OutputErrorEstimator, force: EquationErrorResult | None) -> Iterator[tuple[Names, Model]]:
+    """Yield the effects that the force names, and the single laws that leave least of it, with their values; then the
+    loads that swing in it.
+    """
     if force is None:
         return
     single = sorted((f for f in force.sets.values() if len(f.members) == 1), key=lambda f: f.training_mse)
@@ -143,6 +146,8 @@ def _leading(force: EquationErrorResult | None) -> Iterator[tuple[Names, Model]]
     for f in [*chosen, *(one for one in single if one.names != force.fit.names)][: LEADING + 1]:
         with suppress(InputError):  # a value that a model may not have
             yield tuple(n for n, _ in f.members), force.with_laws(f)
+    for name, model in seen_loads(motion.training):
+        yield (name,), model
 
 
 def _again(held: HoldTrial, force: EquationErrorResult | None, other: HoldTrial) -> HoldTrial:
@@ -150,7 +155,7 @@ def _again(held: HoldTrial, force: EquationErrorResult | None, other: HoldTrial)
     that a fit did not find is no hold.
     """
     motion, names, known = held.motion, other.best, dict(held.known)
-    start = next((model for one, model in _leading(force) if one == names), None)
+    start = next((model for one, model in _leading(motion, force) if one == names), None)
     if start is not None and names in other.at:
         c, _ = motion.candidate_at(names, start)
         found = fit(motion.short, c, motion.training.observer_gains[1], other.at[names], LAST_STEPS)

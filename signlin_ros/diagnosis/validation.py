@@ -266,11 +266,10 @@ class ValidationTests:
 
     @property
     def leaves_most(self) -> bool:
-        """Whether a proposal leaves most of the effort, beyond the noise, or of the force of an imposed motion."""
+        """Whether a model leaves most of the effort beyond noise, or a proposal of the force of an imposed motion."""
         effort = 0.0 if self.percent is None else self.percent**2 - self.evidence.force_noise_percent**2
-        return (
-            bool(self.names) and max(effort, (self.imposed or 0.0) ** 2) > 100.0**2 * self.criteria.max_force_mse_left
-        )
+        imposed = (self.imposed or 0.0) ** 2 if self.names else 0.0
+        return max(effort, imposed) > 100.0**2 * self.criteria.max_force_mse_left
 
     def has_idle_law(self) -> bool:
         """Tell whether one of several laws does not surely take away force, where forces tell of it."""

@@ -180,7 +180,7 @@ def multi_start_fit(
     parts, known, label = CandidateParts.of(before), before.parameters(), before.candidate.label
     last = len(trial.starts) - 1
     at = dict.fromkeys([0, *np.linspace(min(1, last), last, min(few, last + 1)).astype(int).tolist()])
-    candidates = [parts.extended(trial.name, trial.starts[i]).candidate(problem) for i in at]
+    candidates = [parts.extended(trial.name, trial.starts[i], trial.inertia).candidate(problem) for i in at]
     added = {n: v for n, v in known.items() if n in label or n.partition(".")[0] in label}
     ways = [added, known] if label else [added]
     first = [fit(short, c, high, c.start(way), few_steps) for c in candidates for way in ways]

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import count
 
 from signlin_ros.effects import EFFECTS, find_effect
@@ -13,6 +13,7 @@ from signlin_ros.errors import InputError, ModelError
 from signlin_ros.fitting.candidate import Candidate, candidate
 from signlin_ros.fitting.fit import Fit
 from signlin_ros.fitting.problem import Problem
+from signlin_ros.fitting.resonance import load_start
 from signlin_ros.fitting.scan import periodic_starts
 from signlin_ros.model import Model
 from signlin_ros.model.numbers import numbers
@@ -28,10 +29,13 @@ SENSOR_DELAYS = (0.5, 1.5, 5.0)
 
 @dataclass(frozen=True)
 class Trial:
-    """An effect that may be missing, and complete starts; parameters of a sensor: ``sensor_offset.speed``."""
+    """An effect that may be missing, and complete starts; parameters of a sensor: ``sensor_offset.speed``;
+    ``inertia``: that of the plant beside, by its name, where the starts tell of it.
+    """
 
     name: str
     starts: tuple[dict[str, float], ...] = ()
+    inertia: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def effect(self) -> type[Effect]:
@@ -86,7 +90,7 @@ def _trials(problem: Problem, name: str, asked: bool) -> list[Trial]:
     starts = tuple(_starts(problem, effect))
     with suppress(ModelError):  # the plant cannot have it
         if starts and base.with_effect(name, key=free_key(base, name), **starts[0]).trace:
-            return [Trial(name, starts)]
+            return [Trial(name, starts), *_seen_loads(problem, effect)]
     return []
 
 
@@ -117,6 +121,27 @@ def _starts(problem: Problem, effect: type[Effect]) -> list[dict[str, float]]:
         scanned = _waves(problem, effect, problem.base)
         starts = [{**one, **wave} for one in starts for wave in scanned]
     return [completed(problem, effect, one) for one in starts]
+
+
+def _seen_loads(problem: Problem, effect: type[Effect]) -> Iterator[Trial]:
+    """Yield a trial of the load behind a coupling that shows in what the model lacks."""
+    found = load_start(problem, problem.base) if effect.resonant and effect.load_inertia else None
+    if found is not None:
+        load, driven = found
+        start = completed(problem, effect, load)
+        yield Trial(effect.name, (start,), {problem.base.plant.inertia_parameter: driven})
+
+
+def seen_loads(problem: Problem) -> Iterator[tuple[str, Model]]:
+    """Yield the effects of a load behind a coupling that show in what the base model lacks, each with the model that
+    has them.
+    """
+    base = problem.base
+    for name in EFFECTS:
+        for trial in _trials(problem, name, False):
+            if trial.inertia:
+                model = base.with_effect(name, key=free_key(base, name), **trial.starts[0])
+                yield name, model.with_parameters(trial.inertia)
 
 
 def _waves(problem: Problem, effect: type[Effect], model: Model) -> list[dict[str, float]]:
@@ -159,11 +184,14 @@ def trial_of_one_more_wave(problem: Problem, f: Fit) -> Trial | None:
 
 @dataclass(frozen=True)
 class CandidateParts:
-    """A model without its sensors, the keys of the effects that were added to it, and what was added to sensors."""
+    """A model without its sensors, the keys of the effects that were added to it, and what was added to sensors;
+    ``inertia``: that of the plant, by its name, where a start tells of it.
+    """
 
     model: Model
     keys: tuple[str, ...]
     sensors: dict[str, float]
+    inertia: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, f: Fit) -> CandidateParts:
@@ -187,17 +215,20 @@ class CandidateParts:
         """Return the same without one of the effects."""
         return replace(self, model=self.model.without_effect(key), keys=tuple(k for k in self.keys if k != key))
 
-    def extended(self, name: str, start: Mapping[str, float]) -> CandidateParts:
-        """Return the same with an effect more, at one of the points of a trial."""
+    def extended(
+        self, name: str, start: Mapping[str, float], inertia: Mapping[str, float] | None = None
+    ) -> CandidateParts:
+        """Return the same with an effect more, at one of the points of a trial, and the plant's ``inertia`` there."""
         if issubclass(EFFECTS[name], SensorEffect):
             return replace(self, sensors={**self.sensors, **start})
         key = free_key(self.model, name)
-        return replace(self, model=self.model.with_effect(name, key=key, **start), keys=(*self.keys, key))
+        model = self.model.with_effect(name, key=key, **start)
+        return replace(self, model=model, keys=(*self.keys, key), inertia=inertia or {})
 
     def candidate(self, problem: Problem) -> Candidate:
         """Return the candidate of a fit: base parameters at nominal, since a model that lacks something bends them."""
         c, given = candidate(problem, self.model, self.keys, self.sensors), numbers(problem.base)
-        return replace(c, values={n: given.get(n, v) for n, v in c.values.items()})
+        return replace(c, values={n: given.get(n, v) for n, v in c.values.items()} | dict(self.inertia))
 
 
 __all__ = [
