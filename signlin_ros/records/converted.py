@@ -52,7 +52,7 @@ def converted(
         values[name] = _without_huge(record, name, signal, values[name], notes)
         values[name] = _without_tiny(name, values[name], unit_of[name], notes)
         if unit and units.kind(wanted.split(" or ")[0]) == "linear":
-            kinds[name] = units.kind(unit)
+            kinds[name] = units.kind(how[1])  # of what was made of it: nm may be N·m
     _check_kinds(record, chosen, kinds)
     rotary = "rotary" in kinds.values()
     columns = {name: key for name, key in chosen.items() if name not in numbers}
@@ -83,7 +83,8 @@ def _turns(record: Record, model: Model, chosen: Mapping[str, str]) -> bool:
     """Whether the record is rotary: by the units of its columns, else as the model says."""
     linear = [name for name in chosen if units.kind(model.units[name].split(" or ")[0]) == "linear"]
     pairs = [(record.signals[chosen[name]].unit, model.units[name]) for name in linear]
-    kinds = {units.kind(unit) for unit, wanted in pairs if unit and units.conversion(unit, wanted) is not None}
+    found = (units.conversion(unit, wanted) for unit, wanted in pairs if unit)
+    kinds = {units.kind(how[1]) for how in found if how is not None}
     return kinds == {"rotary"} or (not kinds and model.is_rotary is True)
 
 

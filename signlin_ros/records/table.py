@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from signlin_ros import units
 from signlin_ros.errors import RecordError, suggest
 from signlin_ros.lazy import frame
 from signlin_ros.records.header import heading, tidy
@@ -23,6 +24,8 @@ Integers = npt.NDArray[np.int64]
 
 LONG_AGO = 1e6
 """From so many s on a time is told to the ms."""
+MAX_SAME = 1e-3
+"""What two columns of one quantity differ by at most, as a part of its range: their digits."""
 
 
 def frozen(values: npt.ArrayLike) -> Array:
@@ -175,12 +178,25 @@ class Record:
             return wanted
         for matches in (self._whole, self._bare, *((self._other,) if further else ()), self._loose):
             found = [key for key in self.signals if matches(key, wanted)]
-            if len(found) > 1:
+            if len(found) > 1 and not self._say_the_same(found):
                 listed = ", ".join(repr(self.labels[key]) for key in found)
                 raise RecordError(f"{self.source}: {name!r} is ambiguous: {listed}; give the whole name")
             if found:
                 return found[0]
         return None
+
+    def _say_the_same(self, keys: Sequence[str]) -> bool:
+        """Whether signals are one quantity in several units, to what their digits show: ``q_rad`` and ``q_deg``."""
+        first, *others = (self.signals[key] for key in keys)
+        for other in others:
+            how = units.conversion(other.unit, first.unit) if first.unit and other.unit else None
+            if how is None or how[1] != first.unit:
+                return False
+            apart = np.abs(how[0] * other.values - first.values)
+            known = np.isfinite(apart)
+            if not known.any() or apart[known].max() > MAX_SAME * np.ptp(first.values[known]):
+                return False
+        return True
 
     def _label(self, key: str) -> str:
         return self.signals[key].label or key

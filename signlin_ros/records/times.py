@@ -34,6 +34,7 @@ _LONGEST_DATED_STEP = 1e-5
 """A time that reads as such a date, with smaller steps than this, is in days: in s it would be one of 100 kHz."""
 _COUNTERS, _MOST_STEPS_OVER = (8, 16, 24, 32), 3.0
 """Bits of counters that a time may be of; steps from row to row, in usual ones, over which one overflows."""
+_NAMES_TIME = re.compile(r"(?i)(?:time|timestamp|stamp|clock)\Z")
 _SLOWEST = 60.0
 """A recorder does not take longer from row to row, in s."""
 _LARGEST_SECONDS = 1e11
@@ -96,8 +97,10 @@ def times_of(table: RawTable, signals: Mapping[str, str]) -> Times:
 
 
 def _counts(table: RawTable, head: Heading) -> bool:
-    """Whether a column is a time by its unit, and goes on from row to row: ``Source [Second]``, ``in s``."""
-    if not head.unit or head.suffix:
+    """Whether a column is a time by its unit, and goes on from row to row: ``Source [Second]``, ``in s``; a unit that
+    may be none, at the end of a name, needs a name that ends as one of times: ``Teensy_time_s``.
+    """
+    if not head.unit or (head.suffix and not _NAMES_TIME.search(head.name)):
         return False
     parsed = units.parse(head.unit)
     column = table.columns[table.headings.index(head)]

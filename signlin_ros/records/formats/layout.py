@@ -188,15 +188,15 @@ def _names(
     if len(above) > 1 and _are_units(above[-1]) and len(above[-2]) >= len(above[-1]) - 1 and not _are_units(above[-2]):
         unit_row = tuple(cell.strip("[]() ") for cell in above.pop())
         notes.append(Note("the row below the header was taken for units", "format"))
+    comments = [lines[i] for i in sorted({*range(kept[first])} - {*kept[:first]}) if lines[i].strip()]
+    found = None if above and len(above[-1]) >= width else _header_in_comment(comments, width, separator)
+    if found is not None:
+        return found, (), [Note("the header was found in a comment", "format")]
     if above:
         if len(above) > 1:
             lines_of = "1 line" if len(above) == 2 else f"{len(above) - 1} lines"
             notes.append(Note(f"{lines_of} before the header are no part of the table", "format"))
         return above[-1], unit_row, notes
-    comments = [line for line in lines[: kept[first]] if line.strip()]
-    found = _header_in_comment(comments, width, separator)
-    if found is not None:
-        return found, (), [Note("the header was found in a comment", "format")]
     start = lines[kept[first]].strip()
     called = f"no header: the columns are called c1 to c{width}; the first row is {shortened(start)!r}"
     return None, (), [Note(called, "format")]
