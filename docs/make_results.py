@@ -90,6 +90,24 @@ def measured() -> str:
     )
 
 
+def drawn() -> str:
+    """Return how machines drawn by hand were answered, and the answers that are not right."""
+    rows = rows_of("drawn_machines")
+    counts = {grade: sum(r["grade"] == grade for r in rows) for grade in ("right", "part", "honest", "wrong", "failed")}
+    text = (
+        f"{len(rows)} machines with their controllers, encoders, filters and logs, simulated by a program of their own "
+        "(`python -m benchmarks.machines.run`), among them some that hide nothing and some whose effect is not listed. "
+        "First answers, truth and seed written down before: "
+        + ", ".join(f"{count} {grade}" for grade, count in counts.items())
+        + ". *Part*: a true name is told, but not confirmed or not alone, or with a wrong value; *honest*: nothing is "
+        "named. Not right:"
+    )
+    body = [
+        [r["machine"].replace("_", " "), r["hidden"], r["answer"], r["grade"]] for r in rows if r["grade"] != "right"
+    ]
+    return f"\n## Machines drawn by hand\n\n{text}\n\n{table(['machine', 'hidden', 'answer', 'grade'], body)}"
+
+
 def live() -> str:
     """Return the table of changes of running machines, and that of times."""
     rows = [[r["what"], share(r["right"], r["of"]), r["seeds"]] for r in rows_of("live_changes")]
@@ -104,7 +122,7 @@ def live() -> str:
 
 def page() -> str:
     """Return the whole page."""
-    return INTRODUCTION + simulated() + measured() + live()
+    return INTRODUCTION + simulated() + drawn() + measured() + live()
 
 
 def main() -> None:

@@ -247,13 +247,14 @@ class Truth:
     hidden: in words. right: sets of names, joined by ``+``, each a right answer; ``adequate`` if nothing is missing,
     ``unexplained`` if nothing listed explains it, ``refused`` if `check` is to stop the record. part: names that are
     partly right. also: names that are there as well and may be told: every controller holds its command for a tick, so
-    that it acts half of it late. values: by ``effect.parameter`` the true value and its relative tolerance.
+    that it acts half of it late, and a channel's filter makes it late. values: by ``effect.parameter`` the true value
+    and its relative tolerance.
     """
 
     hidden: str
     right: tuple[str, ...]
     part: tuple[str, ...] = ()
-    also: tuple[str, ...] = ("input_delay",)
+    also: tuple[str, ...] = ("input_delay", "sensor_delay")
     values: Mapping[str, tuple[float, float]] | None = None
 
 

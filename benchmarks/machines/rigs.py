@@ -17,6 +17,7 @@ from benchmarks.machines.rig import (
     filtered,
     given,
     machine,
+    moves,
     multisine,
     noisy,
     position_loop,
@@ -136,9 +137,9 @@ update_period: 0.1
 signals: {force: "actuator torque [N.m]", displacement: "stem [deg]"}
 """,
     )
-    for name, low, high in (("training", 0.8, 2.0), ("validation", 1.2, 3.0)):
+    for name, speed in (("training", 0.4), ("validation", 0.6)):
         t = times(40.0, 0.001)
-        wanted = np.clip(0.8 + np.cumsum(steps(rng, t, -0.5, 0.5, low, high)) * 0.001, 0.1, 1.5)
+        wanted = moves(rng, t, 0.1, 1.5, speed, 0.4)
         c = (Q, V, 4.0, 40.0, 90.0, 0.001, 60.0, 2 * np.pi / 65536)
         run = simulate(
             _valve, (float(wanted[0]), 0.0), wanted, 0.001, (0.93, 5.7, 8.0, 6.0, 0.08), rng, position_loop, c

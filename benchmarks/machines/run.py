@@ -8,6 +8,7 @@ answer is worth is in `judge`.
 from __future__ import annotations
 
 import argparse
+import csv
 import json
 import resource
 import subprocess
@@ -65,19 +66,24 @@ def _told(answer: dict[str, Any]) -> dict[str, Any]:
     return {**_brief(answer), "record": sorted(set(found))}
 
 
+def said_of(row: dict[str, Any]) -> str:
+    """Return an answer in short: the names of its last row, each with its ties."""
+    answer = row["answer"]
+    if answer is None:
+        return f"{'refused' if row['refused'] else 'error'}: {(row['error'].splitlines() or [''])[-1]}"
+    if answer["verdict"] == "missing":
+        return " + ".join(" or ".join(sorted(tie)) for tie in proposed(answer))
+    part = " + ".join(last_row(answer))
+    return f"{answer['verdict']}{f', a part: {part}' if part else ''}"
+
+
 def line(row: dict[str, Any]) -> str:
     """Return a machine's row of the table."""
     truth, answer = MACHINES[row["name"]].truth, row["answer"]
-    grade = judge(truth, answer, row["refused"])
-    if answer is None:
-        said = f"{'refused' if row['refused'] else 'error'}: {row['error'].splitlines()[-1] if row['error'] else ''}"
-    elif answer["verdict"] == "missing":
-        said = " + ".join("/".join(sorted(tie)) for tie in proposed(answer))
-    else:
-        said = " ".join([answer["verdict"], *(f"({name} a part)" for name in last_row(answer))])
     told = values(truth, answer) if answer else []
     numbers = ", ".join(f"{n} {v:.3g} ({true:.3g}){'' if good else ' OFF'}" for n, v, true, good in told)
-    return f"{row['name']:22} {grade:7} {row['seconds']:6.1f}  {' | '.join(truth.right):42} {said}  {numbers}"
+    grade = judge(truth, answer, row["refused"])
+    return f"{row['name']:22} {grade:7} {row['seconds']:6.1f}  {' | '.join(truth.right):42} {said_of(row)}  {numbers}"
 
 
 def report(rows: list[dict[str, Any]]) -> str:
@@ -88,31 +94,43 @@ def report(rows: list[dict[str, Any]]) -> str:
     return "\n".join([head, *map(line, rows), f"{len(rows)} machines: {count}"])
 
 
+def write_table(rows: list[dict[str, Any]], path: Path) -> None:
+    """Write what was hidden, answered and judged as a CSV file."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        out = csv.writer(file, lineterminator="\n")
+        out.writerow(["machine", "hidden", "right", "answer", "grade", "seconds"])
+        for row in rows:
+            truth = MACHINES[row["name"]].truth
+            grade = judge(truth, row["answer"], row["refused"])
+            right = " or ".join(truth.right).replace("+", " + ")
+            out.writerow([row["name"], truth.hidden, right, said_of(row), grade, row["seconds"]])
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(MACHINES)}")
     parser.add_argument("--folder", type=Path, help="where the records are left; a temporary folder otherwise")
     parser.add_argument("--results", type=Path, help="JSON lines, appended to; the last row of a machine counts")
     parser.add_argument("--report", action="store_true", help="run nothing, judge what is in --results")
+    parser.add_argument("--table", type=Path, help="write the table as CSV too")
     parser.add_argument("--minutes", type=float, default=MINUTES, help="time-out of each")
     a = parser.parse_args()
     if unknown := [name for name in a.names if name not in MACHINES]:
         parser.error(f"unknown: {', '.join(unknown)}; there are {', '.join(MACHINES)}")
     names = a.names or list(MACHINES)
-    if a.report:
-        rows = {r["name"]: r for r in _known(a.results) if r["name"] in names}
-        print(report([rows[name] for name in names if name in rows]))
-        return
-    rows = {}
+    rows = {r["name"]: r for r in _known(a.results) if r["name"] in names} if a.report else {}
     with tempfile.TemporaryDirectory() as scratch:
-        for name in names:
+        for name in () if a.report else names:
             rows[name] = asked(MACHINES[name], (a.folder or Path(scratch)) / name, a.minutes)
             print(line(rows[name]), file=sys.stderr, flush=True)
             if a.results:
                 a.results.parent.mkdir(parents=True, exist_ok=True)
                 with a.results.open("a", encoding="utf-8") as file:
                     file.write(json.dumps(rows[name]) + "\n")
-    print(report(list(rows.values())))
+    found = [rows[name] for name in names if name in rows]
+    print(report(found))
+    if a.table:
+        write_table(found, a.table)
 
 
 if __name__ == "__main__":
