@@ -28,6 +28,7 @@ from signlin_ros.records.formats.echo import joint_states, messages
 from signlin_ros.records.formats.encodings import decoded
 from signlin_ros.records.formats.layout import Layout, by_number, labelled, layout
 from signlin_ros.records.formats.loggers import plain, raw_frames
+from signlin_ros.records.formats.long import widened
 from signlin_ros.records.formats.regular import regular
 from signlin_ros.records.formats.stamps import directions, times_of_day
 from signlin_ros.records.header import Heading, clock, heading
@@ -103,7 +104,7 @@ def read_table(path: Path, source: str, keep: Keep, asked: Sequence[str] = ()) -
         chosen = _told(headings, columns)
         said = (*notes, *shape.notes)
         return RawTable(source, [headings[i] for i in chosen], [columns[i] for i in chosen], rows, said, shape.named)
-    shape = by_number(layout(letters, source), asked)
+    shape = by_number(widened(layout(letters, source)), asked)
     if '"' in letters:
         _check_quotes(shape)
     text = _with_commas(_Text(replace(shape, notes=(*notes, *shape.notes)), shape.body))

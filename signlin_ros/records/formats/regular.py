@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from signlin_ros.errors import RecordError
 from signlin_ros.records.formats.layout import Layout, layout
+from signlin_ros.records.formats.long import is_long
 from signlin_ros.records.table import Rows
 
 Array = npt.NDArray[np.float64]
@@ -43,7 +44,7 @@ def regular(text: str, source: str) -> Regular | None:
         return None
     sample = _ends(text)
     shape = _layout(sample, source) if sample else None
-    if shape is None:
+    if shape is None or is_long(shape):
         return None
     first = int(shape.numbers[0])  # of the lines, from 1
     if not np.array_equal(shape.numbers, np.arange(first, sample.rstrip("\n").count("\n") + 2)) or first > LAYOUT_LINES:

@@ -1,0 +1,95 @@
+"""A long table, with a row for every joint at every stamp: each quantity of a joint gets a column of its own."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.records.formats.cells import is_number
+from signlin_ros.records.formats.labels import header_cell
+from signlin_ros.records.formats.layout import Layout
+from signlin_ros.records.header import clock, heading
+from signlin_ros.records.notes import Note
+
+Cells = NDArray[np.str_]
+
+MAX_JOINTS = 64
+"""Rows that share a stamp at most."""
+GROUPS_LOOKED = 4
+"""Stamps whose rows tell whether a table may be long."""
+
+
+def widened(shape: Layout) -> Layout:
+    """Return a table with one row for each stamp where every stamp has a row for each of the same names or numbers,
+    ``joint`` 1 and 2 in turn; its columns are ``joint1.torque``, ``joint2.torque``; others as they are.
+    """
+    place = _rows_at_a_stamp(shape)
+    if place is None:
+        return shape
+    at, count = place
+    rows = _rows(shape, len(shape.body))
+    names = None if rows is None else _names_of(rows, at, count)
+    if rows is None or names is None:
+        return shape
+    column, values = names
+    groups = rows[: len(rows) // count * count].reshape(-1, count, rows.shape[1])
+    order = np.argsort(groups[:, :, column], axis=1)
+    groups = np.take_along_axis(groups, order[:, :, None], axis=1)
+    label = heading(shape.header[column]).name
+    called = [f"{label}{value}" if is_number(value) else value for value in values]
+    others = [k for k in range(rows.shape[1]) if k not in (at, column)]
+    header = [shape.header[at], *(f"{name}.{shape.header[k]}" for name in called for k in others)]
+    wide = np.concatenate([groups[:, :1, at], groups[:, :, others].reshape(len(groups), -1)], axis=1)
+    lines = [shape.separator.join(map(header_cell, row)) for row in wide.tolist()]
+    said = (
+        f"each time has a row for every {label!r}: columns are called {called[0]}.{shape.header[others[0]]} and so on"
+    )
+    numbers = shape.numbers[: len(groups) * count : count]
+    return replace(shape, header=header, body=lines, numbers=numbers, notes=(*shape.notes, Note(said, "format")))
+
+
+def is_long(shape: Layout) -> bool:
+    """Tell whether the first rows of a table are those of a long one."""
+    return _rows_at_a_stamp(shape) is not None
+
+
+def _rows_at_a_stamp(shape: Layout) -> tuple[int, int] | None:
+    """Return the column of the time, and how many rows share a stamp, as the first show; None of another table."""
+    timed = clock([heading(label, i + 1) for i, label in enumerate(shape.header)])
+    if timed is None or not shape.named or shape.separator == " " or shape.runs:
+        return None
+    at, first = timed.number - 1, _rows(shape, MAX_JOINTS * GROUPS_LOOKED)
+    count = 0 if first is None else int(np.argmax(first[:, at] != first[0, at]))
+    return (at, count) if first is not None and count > 1 and _names_of(first, at, count) is not None else None
+
+
+def _rows(shape: Layout, most: int) -> Cells | None:
+    """Return the cells (R, C) of the first rows; None where a row has another number of them."""
+    try:
+        rows = [[cell.strip() for cell in row] for row in csv.reader(shape.body[:most], delimiter=shape.separator)]
+    except csv.Error:
+        return None
+    even = rows and all(len(row) == len(shape.header) for row in rows) and len(shape.header) > 2
+    return np.array(rows) if even else None
+
+
+def _names_of(rows: Cells, at: int, count: int) -> tuple[int, list[str]] | None:
+    """Return the column that tells the rows of a stamp apart, and its values; None where none does in every stamp."""
+    groups = rows[: len(rows) // count * count].reshape(-1, count, rows.shape[1])
+    if len(groups) < GROUPS_LOOKED or np.any(groups[:, :, at] != groups[:, :1, at]):
+        return None
+    if np.any(groups[1:, 0, at] == groups[:-1, 0, at]):
+        return None
+    for column in range(rows.shape[1]):
+        values = np.sort(groups[:, :, column], axis=1)
+        distinct = np.unique(values[0]).size == count and np.all(values == values[0])
+        whole = all(not is_number(value) or value.lstrip("+-").isdigit() for value in values[0])
+        if column != at and distinct and whole:
+            return column, values[0].tolist()
+    return None
+
+
+__all__ = ["is_long", "widened"]
