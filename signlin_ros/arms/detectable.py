@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.arms.fit import CoefficientEstimate, blocks, fit
-from signlin_ros.arms.heldout import on_all
+from signlin_ros.arms.heldout import MIN_VALIDATION_ERRORS, on_all
 from signlin_ros.arms.search import MIN_VALIDATION_SHARE, Key, State, needed_errors
 
 Array = NDArray[np.float64]
@@ -22,13 +22,14 @@ def detectable(state: State, estimate: CoefficientEstimate) -> dict[Key, float]:
     """Return the smallest coefficients that would be named: of gains (relative), of compliances (rad/N·m).
 
     A coefficient is named from so many standard errors on and from a visible share of one joint's squares; both are
-    worked out on all rows beside all that is fitted, inertial parameters with their priors included.
+    worked out on all rows beside all that is fitted, inertial parameters with their priors included. An estimate that
+    is too small by chance is allowed for.
     """
     whole = on_all(fit(estimate.design, state.rows, state.new, estimate.weights))
     taken = [key for key, _ in state.terms]
     keys = [Key(law, i) for i in range(state.robot.n) if i not in state.barred for law in LAWS]
     keys = [key for key in keys if not any(key.same(other) for other in taken)]
-    needed, loads = needed_errors(len(list(state.candidates(estimate)))), state.loads(estimate)
+    needed, loads = needed_errors(len(list(state.candidates(estimate)))) + MIN_VALIDATION_ERRORS, state.loads(estimate)
     return {key: _smallest(whole, np.concatenate(state.columns(key, None, loads)), needed) for key in keys}
 
 

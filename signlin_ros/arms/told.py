@@ -22,8 +22,9 @@ from signlin_ros.arms.notes import (
     weighed_beside,
 )
 from signlin_ros.arms.proposal import basic_of
+from signlin_ros.arms.search import MIN_COEFFICIENT_ERRORS
 from signlin_ros.arms.study import Study, unseen_noise
-from signlin_ros.arms.verbs import ArmComparison, ArmDiagnosis, MissingLaw
+from signlin_ros.arms.verbs import LINEAR_PARAMETERS, ArmComparison, ArmDiagnosis, MissingLaw
 from signlin_ros.effects import find_effect
 from signlin_ros.plants.joint import joint_plant
 from signlin_ros.recording.trace import resolve_unit
@@ -168,12 +169,32 @@ def _too_small(diagnosis: ArmDiagnosis, i: int) -> list[str]:
             if share >= 1.0
             else f"by less than {100 * share:.2g} %"
         )
-        found.append(f"whether the gain of its effort is off, {why}")
+        found.append(f"whether the gain of its effort is off, {why}{_scaled_along(diagnosis, i, share)}")
     stiffness = 1.0 / sizes.get("compliant_load", np.inf)
     if stiffness > 0.0:
         unit = f"{joint.effort_unit}/{joint.position_unit}"
         found.append(f"whether its gear is elastic, if it is stiffer than {stiffness:.2g} {unit}")
     return found
+
+
+def _scaled_along(diagnosis: ArmDiagnosis, i: int, share: float) -> str:
+    """Return what a joint's friction is beside the file's, where all of it differs beyond doubt, one way, and by no
+    more than a gain that would not be seen: the record does not say which of the two it is.
+    """
+    study, estimate = diagnosis.comparison.study, diagnosis.estimate
+    errors = dict(zip(estimate.design.names, estimate.errors().tolist(), strict=True))
+    sizes = []
+    for effect, linear in LINEAR_PARAMETERS.items():
+        use, column = study.model.effects.get(f"{study.names[i]}.{effect}"), f"{i}.{effect}.{linear}"
+        if use is None or column not in errors or not use.parameters[linear]:
+            return ""
+        sizes.append((estimate[column] / use.parameters[linear], errors[column] / use.parameters[linear]))
+    away = [size - 1.0 for size, _ in sizes]
+    beyond = all(abs(size - 1.0) > MIN_COEFFICIENT_ERRORS * error for size, error in sizes)
+    if not beyond or np.ptp(np.sign(away)) or max(map(abs, away)) > share:
+        return ""
+    said = " and ".join(f"{size:.2f}" for size, _ in sizes)
+    return f"; its Coulomb and viscous friction are {said} times the file's, and such a gain would show as that, too"
 
 
 def _value(value: float, error: float, unit: str) -> dict[str, Any]:

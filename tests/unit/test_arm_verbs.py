@@ -302,6 +302,9 @@ def test_a_gain_is_said_not_to_be_seen_where_friction_is_all_of_an_effort(tmp_pa
     assert sizes[1] < 0.2
     lines = diagnosed_json(found_, "", "", [])["joints"]["elbow"]["cannot_tell"]
     assert any("the gain of its effort is off" in line for line in lines)
+    assert any("Coulomb and viscous friction are 1.20 and 1.20 times the file's" in line for line in lines)
+    mine = diagnosed_json(found_, "", "", [])["joints"]["shoulder"]["cannot_tell"]
+    assert not any("times the file's" in line for line in mine)
 
 
 @pytest.mark.slow
