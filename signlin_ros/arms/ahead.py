@@ -19,6 +19,7 @@ from signlin_ros.arms.consistent import consistent
 from signlin_ros.arms.fit import CoefficientEstimate
 from signlin_ros.arms.heldout import MIN_VALIDATION_ERRORS
 from signlin_ros.arms.laws import across_gravity, force, unit_of
+from signlin_ros.arms.loaded import payload_in_record
 from signlin_ros.arms.piece import BLOCK, EDGE, ArmSegment
 from signlin_ros.arms.search import State
 from signlin_ros.arms.warmth import in_record, sources_of
@@ -104,7 +105,7 @@ class ForwardModel:
         inertias = np.array([max(values.get(f"{i}.motor_inertia", 0.0), 0.0) for i in range(n)])
         self.shown = np.array([1.0 + values.get(f"{i}.sensor_gain", 0.0) for i in range(n)])
         self.motors = self.P[:n].T @ (inertias[:, None] * self.P[:n]) / self.shown[:, None]
-        self.laws = state.friction(estimate)
+        self.laws, self.kept = state.friction(estimate), state.kept
 
     def mass(self, q: Array) -> Array:
         """Return mass matrices (W, n, n), the motors' inertias in them."""
@@ -125,6 +126,8 @@ class ForwardModel:
             needed = np.zeros(speed.shape)
             for i, law, shape, value in self.laws:
                 needed[:, i] -= value * force(law.effect, unit_of(law, shape), sample, i, loads)
+            for kept in self.kept:
+                needed[:, kept.at] += kept.needed(sample, loads)
             sides.append(needed)
         dry = 0.5 * (sides[0] - sides[1])
         return 0.5 * (sides[0] + sides[1]) + np.minimum(dry, 0.0) * np.sign(speed), np.maximum(dry, 0.0)
@@ -164,7 +167,7 @@ def _impulses(speed: Array, G: Array, largest: Array) -> Array:
 def ahead(state: State, estimate: CoefficientEstimate) -> Ahead:
     """Return how well an estimate foretells the velocities of unseen motion over windows of `WINDOW` s."""
     model, squares, blocks, count = ForwardModel(state, estimate), [], [], 0
-    laws, sources = model.laws, sources_of(*state.both)
+    laws, pi, sources = model.laws, model.pi, sources_of(*state.both)
     for piece in state.new.pieces:
         starts, steps = _windows(piece)
         if not starts.size:
@@ -173,7 +176,10 @@ def ahead(state: State, estimate: CoefficientEstimate) -> Ahead:
         tau = low_pass(piece.run.tau, min(2.0 * piece.band, 0.4 / piece.run.step), piece.run.step)[::every]
         at = starts[None, :] + np.arange(steps)[:, None]
         between = 0.5 * (tau[at] + tau[at + 1])
-        model.laws = in_record(estimate, laws, sources.index(piece.run.source))
+        record = sources.index(piece.run.source)
+        model.laws = in_record(estimate, laws, record)
+        if state.lightest is not None and state.payload_at is not None:
+            model.pi = pi + payload_in_record(estimate, record, state.payload_at)
         start = piece.q[starts], piece.v[starts], piece.a[starts]
         shown = model.velocities(*start, between, piece.step, RUNAWAY * np.abs(piece.v).max(axis=0))
         squares.append(np.mean((shown - piece.v[at + 1]) ** 2, axis=0))

@@ -119,7 +119,7 @@ def told_with(diagnosis: ArmDiagnosis, before: Sequence[Fault]) -> ArmDiagnosis:
     assert diagnosis.ahead is not None  # noqa: S101 - for the type checker
     whole, first = diagnosis.ahead[1], before[0].diagnosis
     laws = [law for fault in before for law in fault.laws]
-    sizes = shown(laws, diagnosis.state.robot.n)
+    sizes = np.abs(shown(laws, diagnosis.state.robot.n))
     given = {row: getattr(first.comparison.table, row) / sizes for row in ("as_given", "rigid", "basic")}
     table = replace(diagnosis.comparison.table, **given)
     told = [(_resized(law, sizes), _foretold(fault, law, whole)) for fault in before for law in fault.laws]

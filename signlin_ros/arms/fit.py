@@ -190,7 +190,7 @@ class CoefficientEstimate:
     @property
     def objective(self) -> float:
         """Half the sum of squares of weighted residuals and of distances from the priors."""
-        finite = np.isfinite(self.design.sd)
+        finite = np.isfinite(self.design.sd) & (self.design.sd > 0.0)
         away = (self.theta - self.design.mean)[finite] / self.design.sd[finite]
         weighted = self.residual * self.weights[self.rows.joint]
         return 0.5 * float(weighted @ weighted + away @ away)

@@ -65,6 +65,8 @@ ASKED = (JointLaw("power_law_friction", "c", "a", base="viscous_friction"),)
 """
 BY_EFFECT = {law.effect: law for law in (*EXTRA, *ASKED)}
 """The laws beyond basic friction by their effects."""
+WORKED_OUT = frozenset(law.effect for law in (*BASIC, *EXTRA, *ASKED))
+"""Effects that a fit works out anew; others stay as the file has them."""
 
 
 class Loads:
@@ -118,6 +120,32 @@ def column(law: JointLaw, shape: float, rows: RegressionRows, i: int, loads: Loa
         nothing = np.zeros((1, len(rows.pieces[0].motors)))
         rows.known[kept] = rows.motor(i, lambda p: -force(law.effect, values, p, i, nothing))[:, None]
     return rows.known[kept]
+
+
+@dataclass(frozen=True)
+class KeptEffect:
+    """An effect of the file on a motor that stays as it is: its place, its name and its parameters."""
+
+    at: int
+    effect: str
+    parameters: Mapping[str, Any]
+
+    def needed(self, piece: ArmSegment, load: Array) -> Array:
+        """Return the effort (T,) that it needs of its motor under loads (T, K)."""
+        return -force(self.effect, self.parameters, piece, self.at, load)
+
+
+def kept_column(kept: Sequence[KeptEffect], rows: RegressionRows, loads: Loads) -> Array:
+    """Return the effort (N, 1) that effects need which stay as the file has them."""
+
+    def of(piece: ArmSegment) -> Array:
+        load = loads.of(piece)
+        acting = np.zeros(load.shape)
+        for one in kept:
+            acting[:, one.at] += one.needed(piece, load)
+        return np.asarray((acting @ piece.motors)[:, :, None])
+
+    return rows.whole(of)
 
 
 def unit_of(law: JointLaw, shape: float) -> dict[str, float]:
@@ -233,7 +261,9 @@ __all__ = [
     "BASIC",
     "BY_EFFECT",
     "EXTRA",
+    "WORKED_OUT",
     "JointLaw",
+    "KeptEffect",
     "Loads",
     "across_gravity",
     "column",
@@ -241,6 +271,7 @@ __all__ = [
     "delay",
     "force",
     "gain",
+    "kept_column",
     "motor_inertia",
     "payload",
     "shapes",

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.arms.data import gains_of
 from signlin_ros.arms.keys import GAIN, Key, SearchResult
+from signlin_ros.arms.loaded import sentence
 from signlin_ros.arms.search import MIN_COEFFICIENT_ERRORS
 from signlin_ros.arms.study import Study
 from signlin_ros.arms.warmth import differing
@@ -42,7 +43,14 @@ def as_good(study: Study, found: SearchResult) -> str:
 
 def study_notes(study: Study) -> list[str]:
     """Return sentences on the records, on friction that differs between them, and on faults of the URDF."""
-    return [*study.notes, *warmth_notes(study), *_urdf_notes(study)]
+    return [*study.notes, *warmth_notes(study), *_loaded_notes(study), *_urdf_notes(study)]
+
+
+def _loaded_notes(study: Study) -> list[str]:
+    if study.loaded is None:
+        return []
+    names = [Path(source).name for source in study.loaded.sources]
+    return [sentence(study.loaded, names, study.payload_link, MIN_COEFFICIENT_ERRORS)]
 
 
 def _urdf_notes(study: Study) -> list[str]:

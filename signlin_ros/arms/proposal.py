@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from signlin_ros.arms.consistent import consistent, existing
 from signlin_ros.arms.fit import CoefficientEstimate
 from signlin_ros.arms.keys import Key
-from signlin_ros.arms.laws import BY_EFFECT, across_gravity
+from signlin_ros.arms.laws import BY_EFFECT, WORKED_OUT, across_gravity
 from signlin_ros.arms.search import State
 from signlin_ros.arms.study import Study
 from signlin_ros.effects import find_effect
@@ -125,7 +125,7 @@ def _section(study: Study, state: State, values: dict[str, float], i: int, parte
     inertia = max(values.get(f"{i}.motor_inertia", float(state.inertias[i])), 0.0)
     if inertia > 0.0:
         found["parameters"] = {MOTOR_INERTIA: inertia}
-    effects = {k: v for k, v in before.get("effects", {}).items() if v.get("type", k) not in _REPLACED}
+    effects = {k: v for k, v in before.get("effects", {}).items() if v.get("type", k) not in WORKED_OUT}
     places: list[tuple[int, str, dict[str, str]]] = [(i, "", {})]
     if i in parted_:
         places.append((len(study.names) + parted_.index(i), "joint_", {"at": "joint"}))
@@ -136,13 +136,6 @@ def _section(study: Study, state: State, values: dict[str, float], i: int, parte
     if effects:
         found["effects"] = effects
     return found
-
-
-_REPLACED = (
-    *("viscous_friction", "coulomb_friction", "constant_load", "stribeck_friction", "cubic_viscous_friction"),
-    *("asymmetric_viscous_friction", "power_law_friction", "load_dependent_friction", "linear_stiffness"),
-)
-"""Effects that are worked out anew."""
 
 
 def effects_at(state: State, values: dict[str, float], place: int) -> dict[str, dict[str, float]]:

@@ -30,19 +30,22 @@ from signlin_ros.arms.laws import (
     BASIC,
     EXTRA,
     JointLaw,
+    KeptEffect,
     Loads,
     column,
     compliance,
     delay,
     gain,
+    kept_column,
     motor_inertia,
     payload,
     shapes,
     tilt,
 )
+from signlin_ros.arms.loaded import with_payloads
 from signlin_ros.arms.piece import RegressionRows
 from signlin_ros.arms.shape import shaped
-from signlin_ros.arms.warmth import with_sizes
+from signlin_ros.arms.warmth import Friction, with_sizes
 from signlin_ros.robots import Robot
 from signlin_ros.robots.inertia import TEN, about_centre, moved
 
@@ -72,7 +75,8 @@ class State:
     ``barred``: joints of which nothing is told; ``behind``: joints whose effort is measured behind the gear, so that
     the motor's inertia is not in it; ``known``: laws that are not searched for; ``lumped`` (10 n,): the
     inertia of a payload that was found, as that of a point, which its columns leave out; ``spread``: standard deviation
-    of a record's size of friction around one, 0 where friction is the same in all.
+    of a record's size of friction around one, 0 where friction is the same in all; ``lightest``: the record
+    that carries least, where payloads differ.
     """
 
     robot: Robot
@@ -84,11 +88,13 @@ class State:
     payload_at: tuple[int, Array, Array] | None
     barred: frozenset[int] = frozenset()
     behind: frozenset[int] = frozenset()
+    kept: tuple[KeptEffect, ...] = ()
     carried: Array | float = 0.0
     tilts: bool = True
     known: frozenset[Key] = frozenset()
     lumped: Array | float = 0.0
     spread: float = 0.0
+    lightest: int | None = None
     terms: list[tuple[Key, JointLaw | None]] = field(default_factory=list)
     found: list[SearchResult] = field(default_factory=list)
 
@@ -113,7 +119,7 @@ class State:
         sizes = [name for name in estimate.design.names if IN_RECORD in name]
         less = fit(estimate.design.without(*names, *sizes), self.rows, self.new, weights)
         if sizes:
-            design = with_sizes(less.design, self.both, self.friction(less), self.loads(estimate), self.spread)
+            design = self._with_own(less.design, self.friction(less), self.loads(estimate))
             less = fit(design, self.rows, self.new, weights)
         return less
 
@@ -155,7 +161,21 @@ class State:
         for key, term in self.terms:
             known, unseen = self.columns(key, term, loads)
             found = found.plus(names_of(key), known, unseen)
-        return with_sizes(found, self.both, loads.friction, loads, self.spread) if self.spread else found
+        if self.kept:
+            known, unseen = (kept_column(self.kept, r, loads) for r in self.both)
+            found = found.plus(("kept",), known, unseen, 1.0, 0.0)
+        return self._with_own(found, loads.friction, loads)
+
+    @property
+    def own(self) -> bool:
+        """Whether records have coefficients of their own."""
+        return self.lightest is not None or self.spread > 0.0
+
+    def _with_own(self, design: FitDesign, friction: Friction, loads: Loads) -> FitDesign:
+        """Return a design with what each record has of its own: a payload, sizes of friction."""
+        if self.lightest is not None and self.payload_at is not None:
+            design = with_payloads(design, self.both, self.payload_at, self.lightest)
+        return with_sizes(design, self.both, friction, loads, self.spread) if self.spread else design
 
     @property
     def both(self) -> tuple[RegressionRows, RegressionRows]:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from signlin_ros.arms.data import ArmRun
 from signlin_ros.arms.fit import CoefficientEstimate, fit, rigid
-from signlin_ros.arms.laws import BASIC, JointLaw, force
+from signlin_ros.arms.laws import BASIC, WORKED_OUT, JointLaw, KeptEffect, force
+from signlin_ros.arms.loaded import Loaded
 from signlin_ros.arms.piece import ArmSegment, RegressionRows, chosen_band
 from signlin_ros.arms.repeats import repeated
 from signlin_ros.arms.search import State
@@ -39,7 +40,7 @@ class Study:
     """A model and its records: ``rows`` of the fit and ``new`` unseen ones, in one band (Hz).
 
     ``barred``: joints of which nothing is told, and why; ``link_side``: joints whose effort has little friction in it;
-    ``warmth``: by how much friction differs between records, where there are several.
+    ``warmth``, ``loaded``: by how much friction and payloads differ between records, where there are several.
     """
 
     model: ArmModel
@@ -50,6 +51,7 @@ class Study:
     barred: dict[int, str] = field(default_factory=dict)
     link_side: dict[int, str] = field(default_factory=dict)
     warmth: Warmth | None = None
+    loaded: Loaded | None = None
     notes: list[str] = field(default_factory=list)
 
     @property
@@ -91,9 +93,15 @@ class Study:
             payload_at=None if silent else where,
             barred=barred,
             behind=frozenset(self.link_side),
+            kept=tuple(
+                KeptEffect(self.model.arm_plant.place_of(key), use.type, use.parameters)
+                for key, use in self.model.effects.items()
+                if use.type not in WORKED_OUT
+            ),
             carried=self.carried,
             tilts=not silent,
             spread=0.0 if self.warmth is None else self.warmth.spread,
+            lightest=None if self.loaded is None else self.loaded.lightest,
         )
 
     @property

@@ -373,7 +373,7 @@ def sentences(diagnosis: ArmDiagnosis) -> list[str]:
         elif not said:
             rest = f"{table.model[i]:.3g} {unit} of {efforts[i]:.3g} are left"
             if diagnosis.comparison.matched is not None:
-                rest += f" ({diagnosis.comparison.matched[i]:.3g} beside that record's own friction)"
+                rest += f" ({diagnosis.comparison.matched[i]:.3g} beside what is that record's own)"
             said = [f"nothing listed is missing; {rest}" + (", unexplained" if left[i] else "")]
         lines.append(f"{name}: {'; '.join(said)}")
     return [*lines, f"robot: {_robot(diagnosis, told)}"]

@@ -18,12 +18,14 @@ from signlin_ros.arms.forms import better_forms
 from signlin_ros.arms.heldout import MIN_VALIDATION_ERRORS
 from signlin_ros.arms.keys import SEEN_ELSEWHERE, Key, SearchResult, names_of
 from signlin_ros.arms.laws import BY_EFFECT, JointLaw, shapes
+from signlin_ros.arms.loaded import Loaded, loaded
 from signlin_ros.arms.proposal import Proposal, proposal
 from signlin_ros.arms.rivals import rivals_left
 from signlin_ros.arms.search import MIN_COEFFICIENT_ERRORS, MIN_VALIDATION_SHARE, State, search, settled
 from signlin_ros.arms.shape import shaped
 from signlin_ros.arms.study import LINK_SIDE, Study, study
 from signlin_ros.arms.warmth import Warmth, sources_of, warmth
+from signlin_ros.effects import find_effect
 from signlin_ros.errors import ModelError, choices, suggest
 from signlin_ros.model.arm import ArmModel
 from signlin_ros.plants.arm import parted
@@ -122,9 +124,17 @@ def _compared(found: Study) -> ArmComparison:
     table = JointTable(as_given, rigid, basic.rms, own)
     whole = found.of_all()
     all_data = settled(whole.state())  # the best numbers of basic friction, not a test
+    found.loaded = whole.loaded = _loaded(whole, all_data)
     found.warmth = _warmth(whole, _in_file(found))
     state = found.state()
-    return ArmComparison(found, table, basic, all_data, settled(state).matched_rms if state.spread else None)
+    return ArmComparison(found, table, basic, all_data, settled(state).matched_rms if state.own else None)
+
+
+def _loaded(whole: Study, all_data: CoefficientEstimate) -> Loaded | None:
+    """Return by how much payloads differ between the records of all rows; None of one, and of efforts behind gears."""
+    if len(sources_of(whole.rows)) < 2 or whole.link_side:
+        return None
+    return loaded(all_data, whole.payload_place, MIN_COEFFICIENT_ERRORS, MIN_VALIDATION_SHARE)
 
 
 def _warmth(whole: Study, laws: Sequence[tuple[Key, JointLaw | None]]) -> Warmth | None:
@@ -289,7 +299,8 @@ def _in_file(found: Study) -> list[tuple[Key, JointLaw | None]]:
     kept = list[tuple[Key, JointLaw | None]]()
     for key, use in found.model.effects.items():
         law, at = BY_EFFECT.get(use.type), found.model.arm_plant.place_of(key)
-        if law is not None and at not in found.barred and at not in found.link_side:
+        told = at not in found.barred and (at not in found.link_side or find_effect(use.type, "effects").external)
+        if law is not None and told:
             shape = float(use.parameters[law.shape]) if law.shape else 0.0
             kept.append((Key(use.type, at, shape), law))
     return kept
@@ -302,7 +313,7 @@ def _replaced(key: Key, own: JointLaw, place: int, new: JointLaw) -> bool:
 
 def _borne_out(state: State, estimate: CoefficientEstimate) -> CoefficientEstimate:
     """Take out laws of the file that would drive their joints in these records; return the fit of those that stay."""
-    if not state.terms and not state.spread:
+    if not state.terms and not state.own:
         return estimate
     while against := _driving(state, estimate := settled(state, estimate)):
         state.terms = [(key, law) for key, law in state.terms if key not in against]
@@ -335,7 +346,7 @@ def _told(
             payload[name] = (float(estimate.theta[at]), float(errors[at]), unit)
     again = replace(found, warmth=_warmth(found.of_all(), written.terms))
     table = replace(comparison.table, model=own)
-    compared = replace(comparison, study=again, table=table, matched=estimate.matched_rms if state.spread else None)
+    compared = replace(comparison, study=again, table=table, matched=estimate.matched_rms if state.own else None)
     laws = tuple(_as_settled(law, estimate) for law in state.found)
     return ArmDiagnosis(compared, state, estimate, laws, tuple(missing), tuple(couplings), new, payload)
 

@@ -53,10 +53,10 @@ def with_sizes(
 ) -> FitDesign:
     """Return a design with a size of friction for each place and record, of a standard deviation around one."""
     for k, source in enumerate(sources_of(*both)):
-        within = [_within(rows, source) for rows in both]
+        among = [within(rows, source) for rows in both]
         for place in sorted({law[0] for law in friction}):
             own = [law for law in friction if law[0] == place]
-            sides = [_needed(own, rows, loads) * among[:, None] for rows, among in zip(both, within, strict=True)]
+            sides = [_needed(own, rows, loads) * own_rows[:, None] for rows, own_rows in zip(both, among, strict=True)]
             design = design.plus((name_of_size(place, k),), sides[0], sides[1], 0.0, spread)
     return design
 
@@ -84,7 +84,7 @@ def _needed(laws: Friction, rows: RegressionRows, loads: Loads) -> Array:
     return np.sum(parts, axis=0) if parts else np.zeros((len(rows), 1))
 
 
-def _within(rows: RegressionRows, source: str) -> NDArray[np.bool_]:
+def within(rows: RegressionRows, source: str) -> NDArray[np.bool_]:
     """Return which rows (N,) are of a record."""
     of = [np.full(int(p.moving[:, i].sum()), p.run.source == source) for p in rows.pieces for i in range(rows.n)]
     return np.concatenate(of)
@@ -148,4 +148,4 @@ def differing(found: Warmth) -> Iterator[tuple[int, Array]]:
             yield i, np.where(weight > 0.0, (1.0 + size) / (1.0 + mean), np.nan)
 
 
-__all__ = ["Warmth", "differing", "in_record", "name_of_size", "sources_of", "warmth", "with_sizes"]
+__all__ = ["Warmth", "differing", "in_record", "name_of_size", "sources_of", "warmth", "with_sizes", "within"]

@@ -46,6 +46,7 @@ def forward(terms=(), **more):
     state = SimpleNamespace(
         robot=MODEL.robot,
         carried=0.0,
+        kept=(),
         rows=SimpleNamespace(pieces=pieces),
         friction=lambda _: (
             [(i, law, 0.0, values.get(f"{i}.{law.effect}.{law.linear}", 0.0)) for i, law in basic]

@@ -103,6 +103,41 @@ def test_a_spring_is_named_written_and_not_named_again(tmp_path):
     assert named(diagnose(again, [known], [unseen], BAND)) == {}
 
 
+def test_an_effort_of_the_other_sign_is_a_gain_and_its_figures_are_sizes(nothing_hidden):
+    def turned(run_):
+        return replace(run_, tau=run_.tau * [1.0, 1.0, -1.0])
+
+    known, unseen = nothing_hidden
+    found = diagnose(MODEL, [turned(known)], [turned(unseen)], BAND)
+    assert named(found) == {"elbow": ["sensor_gain"]}
+    assert 1.0 + found.found[0].values[0] == pytest.approx(-1.0, abs=0.02)
+    table = found.comparison.table
+    assert (np.stack([table.as_given, table.rigid, table.basic, table.model]) > 0.0).all()
+    assert (np.stack([found.found[0].before, found.found[0].after]) > 0.0).all()
+
+
+def test_effects_that_are_not_worked_out_stay_as_the_file_has_them():
+    """A cubic spring in the file: it is in the fit, in forward simulations, and in the model that is written once."""
+    own = MODEL.to_dict()["elbow"]
+    effects = {**own["effects"], "cubic_stiffness": {"k3": 2.0}}
+    stiff = Model.from_dict({**MODEL.to_dict(), **HERE, "elbow": {**own, "effects": effects}})
+
+    def pulled(seed):
+        t, q, v, u = record(TRUE, seed)
+        u[:, 2] += 2.0 * q[:, 2] ** 3
+        return ArmRun(t, q, v, u, "simulated", np.zeros(3))
+
+    known, unseen = pulled(8), pulled(9)
+    found = diagnose(stiff, [known], [unseen], BAND)
+    assert named(found) == {}
+    assert dict(found.proposal.model.effects)["elbow.cubic_stiffness"].parameters["k3"] == 2.0
+    table = found.comparison.table
+    np.testing.assert_allclose(table.model, table.basic, rtol=0.02)
+    without = diagnose(MODEL, [run(TRUE, 8)], [run(TRUE, 9)], BAND)
+    np.testing.assert_allclose(table.basic, without.comparison.table.basic, rtol=0.05)
+    np.testing.assert_allclose(found.ahead[1].rms, without.ahead[1].rms, rtol=0.1)
+
+
 def test_the_motors_inertia_is_no_part_of_an_effort_behind_its_gear(nothing_hidden):
     known, unseen = nothing_hidden
     own = {**MODEL.to_dict()["elbow"], "effort": {"side": "link"}}
