@@ -23,28 +23,26 @@ from benchmarks.machines.families import MACHINES
 from benchmarks.machines.judge import GRADES, judge, last_row, proposed, values
 from benchmarks.machines.rig import Machine
 
-MINUTES = 20.0
-"""After which an answer is given up."""
+MINUTES = 10.0
+"""Of a processor, after which an answer is given up."""
 
 
 def asked(machine: Machine, folder: Path, minutes: float = MINUTES) -> dict[str, Any]:
     """Return the row of a machine: the brief answer of the command line to its records, or the error."""
     model, training, validation = machine.write(folder)
     command = [sys.executable, "-m", "signlin_ros.cli", "diagnose", str(model), str(training)]
-    began, said, error, refused = _processor_time(), "", "", False
-    try:
-        done = subprocess.run(
-            [*command, "--validation", str(validation), "--jobs", "1", "--json"],
-            capture_output=True,
-            text=True,
-            timeout=60.0 * minutes,
-            check=False,
-        )
-        said, refused = done.stdout, done.returncode == 2
-        error = "" if done.returncode == 0 else done.stderr.strip()[-2000:]
-    except subprocess.TimeoutExpired:
-        error = f"no answer within {minutes:g} minutes"
-    answer = json.loads(said) if not error else None
+    began, limit = _processor_time(), round(60.0 * minutes)
+    done = subprocess.run(
+        [*command, "--validation", str(validation), "--jobs", "1", "--json"],
+        capture_output=True,
+        text=True,
+        check=False,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (limit, limit)),
+    )
+    refused = done.returncode == 2 and "--cure" in done.stderr
+    late = f"no answer within {minutes:g} minutes of a processor" if done.returncode < 0 else ""
+    error = late or (done.stderr.strip()[-2000:] if done.returncode else "")
+    answer = json.loads(done.stdout) if not error else None
     return {
         "name": machine.name,
         "seconds": round(_processor_time() - began, 1),
@@ -113,7 +111,7 @@ def main() -> None:
     parser.add_argument("--results", type=Path, help="JSON lines, appended to; the last row of a machine counts")
     parser.add_argument("--report", action="store_true", help="run nothing, judge what is in --results")
     parser.add_argument("--table", type=Path, help="write the table as CSV too")
-    parser.add_argument("--minutes", type=float, default=MINUTES, help="time-out of each")
+    parser.add_argument("--minutes", type=float, default=MINUTES, help="of a processor, time-out of each")
     a = parser.parse_args()
     if unknown := [name for name in a.names if name not in MACHINES]:
         parser.error(f"unknown: {', '.join(unknown)}; there are {', '.join(MACHINES)}")
