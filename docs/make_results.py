@@ -97,7 +97,8 @@ def drawn() -> str:
     text = (
         f"{len(rows)} machines with their controllers, encoders, filters and logs, simulated by a program of their own "
         "(`python -m benchmarks.machines.run`), among them some that hide nothing and some whose effect is not listed. "
-        "First answers, truth and seed written down before: "
+        "First answers; truth and seed were written down before, but for the delays of a held command and of "
+        "a filter, which were allowed where they were found, and a valve that hardly moved and was drawn again: "
         + ", ".join(f"{count} {grade}" for grade, count in counts.items())
         + ". *Part*: a true name is told, but not confirmed or not alone, or with a wrong value; *honest*: nothing is "
         "named. Not right:"
