@@ -121,25 +121,27 @@ def evaluated(problem: Problem, c: Candidate, x: Array, gains: ObserverGains, wi
 def further(problem: Problem, f: Fit, steps: int) -> Fit:
     """Go on with a fit for some steps of Levenberg and Marquardt's method. It ends where a step without damping would
     gain nothing either: of what records do not tell, as the scale of all forces on a machine that nothing drives, what
-    is known beforehand holds, which damping outweighs.
+    is known beforehand holds, which damping outweighs. Where that step was refused already, so were all between.
     """
-    damping, enough = 1e-3, MIN_COST_FALL
+    damping, enough, undamped = 1e-3, MIN_COST_FALL, False
     for _ in range(steps):
         new, gained = _step(f, damping)
-        if gained < enough and damping > MIN_DAMPING:
+        if gained < enough and damping > MIN_DAMPING and not undamped:
             damping = MIN_DAMPING
             new, gained = _step(f, damping)
         if gained < enough:
             break
+        undamped |= damping <= MIN_DAMPING
         trial = evaluated(problem, f.candidate, new, f.gains)
         if damping <= MIN_DAMPING and not (trial and trial.objective < f.objective):
-            trial = evaluated(problem, f.candidate, _in_proportion(f, new), f.gains)
+            other = _in_proportion(f, new)
+            trial = trial if np.array_equal(other, new) else evaluated(problem, f.candidate, other, f.gains)
         if trial is None or not trial.objective < f.objective:
             damping *= 16
             if damping > MAX_DAMPING:
                 break
             continue
-        gain, f = f.objective - trial.objective, trial
+        gain, f, undamped = f.objective - trial.objective, trial, False
         damping = max(damping / 8, MIN_DAMPING)
         beyond_noise = max(f.objective - float(np.sum(f.count * np.log(problem.noise**2))), 0.0)
         least = MIN_COST_FALL + MIN_RELATIVE_FALL * beyond_noise

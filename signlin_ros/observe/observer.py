@@ -12,12 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from signlin_ros.engine.native import native
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model
 from signlin_ros.observe.events import INPUT, QUERY, run_filters
 from signlin_ros.observe.meter import NoiseMeter
-from signlin_ros.observe.steps import pushed_states, step_tape
+from signlin_ros.observe.steps import pushed_states, step_address
 
 Array = NDArray[np.float64]
 
@@ -135,7 +134,7 @@ class KalmanObserver:
         self._sensors = [model.sensors[name] for name in self.channels]
         self._late = max(sensor.delay for sensor in self._sensors)
         self._states = np.array([model.states.index(name) for name in self.channels])
-        self._address = native(step_tape(model.structure))[0]
+        self._address = step_address(model.structure)
         self._trusts, self._doubt = np.array(sorted(trusts)), float(doubt)
         self._disturbed = _disturbed(model)
         known = {model.canonical(name): value for name, value in (noise or {}).items()}

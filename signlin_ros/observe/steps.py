@@ -27,6 +27,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.engine.native import native
 from signlin_ros.engine.symbolic import symbolic
 from signlin_ros.engine.tape import Tape
 from signlin_ros.plants import Plant
@@ -301,4 +302,10 @@ def step_tape(structure: Structure) -> Tape:
     return Tape.of(_step(structure))
 
 
-__all__ = ["CERTAIN_SHARE", "DISTURBANCE_TIME", "SIZE_MEMORY", "step_tape"]
+@functools.lru_cache(maxsize=256)
+def step_address(structure: Structure) -> int:
+    """Return the address of that step's machine code."""
+    return native(step_tape(structure))[0]
+
+
+__all__ = ["CERTAIN_SHARE", "DISTURBANCE_TIME", "SIZE_MEMORY", "step_address", "step_tape"]
