@@ -233,9 +233,8 @@ class _Scores:
         price = MIN_LIKELIHOOD_GAIN * len(h.low)
         if self.now.excess(self.usual) <= price:
             return None
-        values = self._best(h)
+        values, score = self._best(h)
         made = h.made(*values)
-        score = self._since(made)
         gain = score.likelihood - self.now.likelihood
         if not gain > price:
             return None
@@ -246,18 +245,23 @@ class _Scores:
             return None
         return Named(h.name, values[0], h.unit, net - price, h.further.format(*values), min(explained, 1.0))
 
-    def _best(self, h: Hypothesis) -> tuple[float, ...]:
-        """Return the numbers of a hypothesis that make the data since the change likeliest."""
+    def _best(self, h: Hypothesis) -> tuple[tuple[float, ...], _Score]:
+        """Return the numbers of a hypothesis that make the data since the change likeliest, and how likely."""
+        known = dict[tuple[float, ...], _Score]()
 
         def cost(*values: float) -> float:
             try:
-                found = -self._since(h.made(*values)).likelihood
+                known[values] = self._since(h.made(*values))
             except SignlinError:
                 return 1e30
+            found = -known[values].likelihood
             return found if np.isfinite(found) else 1e30
 
-        if len(h.low) > 1:
-            return self._simplex(h, cost)
+        values = self._simplex(h, cost) if len(h.low) > 1 else self._on_grid(h, cost)
+        return values, known.get(values) or self._since(h.made(*values))
+
+    def _on_grid(self, h: Hypothesis, cost: Callable[..., float]) -> tuple[float, ...]:
+        """Return the one number that is likeliest: the best of a grid, or one between its neighbours."""
         grid = np.linspace(h.low[0], h.high[0], TRIES // 2)
         costs = [cost(float(value)) for value in grid]
         k = int(np.argmin(costs))
