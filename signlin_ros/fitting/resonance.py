@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.comparison.force_segment import best_cutoff, force_segment, missing_force
+from signlin_ros.comparison.force_segment import best_cutoff, force_segment, missing_force, recorded, tells_force
 from signlin_ros.errors import RecordError
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.model import Model
@@ -29,7 +29,8 @@ def load_start(problem: Problem, model: Model) -> tuple[dict[str, float], float]
     """Return stiffness k, damping c and inertia J of a load behind a coupling, and the inertia of the driven side, as
     the missing force of the training data tells them; None where it tells of none.
     """
-    if model.plant.motion_is_imposed() or model.plant.closed_loop or not model.plant.inertia_parameter:
+    no_driven_mass = model.plant.motion_is_imposed() or not model.plant.inertia_parameter
+    if no_driven_mass or not tells_force(model, recorded(model, problem.parts)):
         return None
     theta = _coefficients(*_spectra(problem, model))
     if theta is None:

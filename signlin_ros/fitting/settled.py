@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 
 MIN_STEP_OVER_SETTLING = 10.0
 """Time constants in a step from which on a state follows at once."""
+MIN_SAMPLES = 3
+"""Samples from which on changes are compared."""
 
 
 def with_settled(
@@ -34,7 +36,7 @@ def with_settled(
     two differ by the square of the time constant over the step. What was read before its input acted keeps its
     equation: there it is that of the input before.
     """
-    step = min((float(np.median(np.diff(one.t))) for one in data), default=0.0)
+    step = min((float(np.median(np.diff(one.t))) for one in data if len(one) > 1), default=0.0)
     times = model.plant.settling_times(model.parameters)
     quick = {name: time for name, time in times.items() if 0.0 < MIN_STEP_OVER_SETTLING * time < step}
     settled = model.with_parameters(dict.fromkeys(quick, 0.0)) if quick else model
@@ -73,7 +75,9 @@ def reads_before(model: Model, data: Sequence[ModelData]) -> bool:
 
 
 def _goes_with_earlier(model: Model, data: Sequence[ModelData], name: str) -> bool:
-    rows = [_changes(model, one, name) for one in data]
+    rows = [_changes(model, one, name) for one in data if len(one) > MIN_SAMPLES]
+    if not rows:
+        return False
     shown, X = np.concatenate([y for y, _ in rows]), np.concatenate([columns for _, columns in rows])
     good = np.isfinite(shown) & np.all(np.isfinite(X), axis=1)
     if not good.any():

@@ -6,9 +6,11 @@ from scipy.signal import cont2discrete
 
 from signlin_ros.diagnosis import diagnose
 from signlin_ros.diagnosis.dataset import dataset_of
+from signlin_ros.diagnosis.output_error.trials import seen_loads
 from signlin_ros.fitting.resonance import load_start
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
+from signlin_ros.simulation import simulate
 
 STEP = 0.004
 MOTOR, LOAD, STIFFNESS, DAMPING, VISCOUS = 2.3, 3.9, 9000.0, 9.0, 8.6
@@ -62,3 +64,15 @@ def test_a_belt_is_named_where_the_nominal_mass_is_of_all_that_moves():
 def test_nothing_swings_in_a_rigid_stage():
     found = diagnose(stage(6.0), carriage(5, coupled=False), carriage(6, coupled=False))
     assert found.verdict == "adequate"
+
+
+def test_a_current_alone_shows_no_load():
+    values = {"R_a": 0.8, "L_a": 0.002, "K_t": 0.06, "K_m": 0.06, "B": 4e-4, "J": 2e-3}
+    motor, rng = Model.from_dict({"plant": "dc_motor", "parameters": values}), np.random.default_rng(7)
+    t = np.arange(0.0, 4.0, STEP)
+    u = np.repeat(rng.uniform(-6.0, 6.0, t.size // 50), 50)[:, None]
+    shown = {"current": simulate(motor, t, u).x[:, 0] + rng.normal(0.0, 0.01, t.size)}
+    record = ModelData(t, u, shown, None, ("voltage",), ("current", "speed"), {"voltage": "V", "current": "A"})
+    dataset = dataset_of(motor, record, record)
+    assert load_start(dataset.training, dataset.model) is None
+    assert list(seen_loads(dataset.training)) == []

@@ -99,3 +99,9 @@ def test_a_current_tells_of_the_resistance_where_there_is_no_inductance():
     given = motor(R_a=0.85)
     found = add("coulomb_friction", given, logged(7), logged(8))
     assert found.parameters["R_a"].value == pytest.approx(VALUES["R_a"], rel=0.005)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_a_record_of_few_samples_tells_no_order(count):
+    assert not reads_before(motor(), [logged(9).part(0, count)])
+    with_settled(motor(L_a=1e-4), [logged(9).part(0, count)])
