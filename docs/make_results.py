@@ -92,16 +92,19 @@ def measured() -> str:
 
 def drawn() -> str:
     """Return how machines drawn by hand were answered, and the answers that are not right."""
-    rows = rows_of("drawn_machines")
-    counts = {grade: sum(r["grade"] == grade for r in rows) for grade in ("right", "part", "honest", "wrong", "failed")}
+    rows, before = rows_of("drawn_machines"), rows_of("drawn_machines_first")
+    grades = ("right", "part", "honest", "wrong", "failed")
+    now, first = (
+        ", ".join(f"{sum(r['grade'] == grade for r in of)} {grade}" for grade in grades) for of in (rows, before)
+    )
     text = (
         f"{len(rows)} machines with their controllers, encoders, filters and logs, simulated by a program of their own "
         "(`python -m benchmarks.machines.run`), among them some that hide nothing and some whose effect is not listed. "
-        "First answers; truth and seed were written down before, but for the delays of a held command and of "
-        "a filter, which were allowed where they were found, and a valve that hardly moved and was drawn again: "
-        + ", ".join(f"{count} {grade}" for grade, count in counts.items())
-        + ". *Part*: a true name is told, but not confirmed or not alone, or with a wrong value; *honest*: nothing is "
-        "named. Not right:"
+        "Truth and seed were written down before, but for the delays of a held command and of a filter, which were "
+        "allowed where they were found, and a valve that hardly moved and was drawn again. First answers of "
+        f"{len(before)}: {first}. What they showed was mended (windings that settle within a sample, loads behind "
+        f"couplings); answers after that: {now}. *Part*: a true name is told, but not confirmed or not alone, or with "
+        "a wrong value; *honest*: nothing is named. Not right:"
     )
     body = [
         [r["machine"].replace("_", " "), r["hidden"], r["answer"], r["grade"]] for r in rows if r["grade"] != "right"
