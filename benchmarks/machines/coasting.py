@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 
 from benchmarks.machines.rig import (
+    RPM,
     Array,
     Truth,
     counted,
@@ -24,7 +25,6 @@ from benchmarks.machines.rig import (
 )
 
 Q, V = 0, 1
-RPM = 30 / np.pi
 
 
 @njit

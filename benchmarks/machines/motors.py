@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 
 from benchmarks.machines.rig import (
+    RPM,
     Array,
     Run,
     Truth,
@@ -30,7 +31,6 @@ from benchmarks.machines.rig import (
 )
 
 I, W, Q = 0, 1, 2  # noqa: E741
-RPM = 30 / np.pi
 
 
 @njit

@@ -23,6 +23,8 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 Array = NDArray[np.float64]
+RPM = 30 / np.pi
+"""Revolutions per minute in a rad/s."""
 STEP = 2e-5
 """Of the integration unless a machine says otherwise, s."""
 
