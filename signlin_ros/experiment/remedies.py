@@ -29,8 +29,6 @@ UNRECORDED_NOISE = 0.01
 """Noise of a channel that nobody recorded, as a part of its spread."""
 ADDED_INERTIA = 0.5
 """A known inertia that is added, as a part of the machine's own."""
-CURRENT, QUICK = "current", 2e-3
-"""A motor's current, and the time constant in s by which it becomes a state where the model has no inductance."""
 FASTER_SAMPLING, WIDER_LIMITS = 4, 2.0
 """How many times as fast is sampled, and as wide limits are."""
 
@@ -73,7 +71,6 @@ def _channels(search: CommandSearch, both: Sequence[Pair], commands: Sequence[Ar
     plant = problem.base.plant
     every = [*problem.base.states, *problem.base.outputs]
     every += [plant.position] if plant.position_optional else []
-    every += [CURRENT] if _without_inductance(problem.base) else []
     for name in dict.fromkeys(every):
         if name in problem.channels or "." in name:
             continue
@@ -156,7 +153,6 @@ def seen_with(
     base = problem.base
     if base.plant.position in channels and base.plant.position not in base.states and base.plant.position_optional:
         base = base.with_options(with_position=True)
-    base = _showing(base, channels)
     seen = [_seen(bench.contenders[k], base) for k in places]
     run = seen[0].run(seen[0].theta, t, bench.inputs(u), bench.x0)
     if run is None or not set(channels) <= {*run.states, *run.outputs}:
@@ -212,26 +208,11 @@ def sampled(bench: RivalBench, step: float) -> RivalBench:
     return replace(found, likely=bench.likely)
 
 
-def _without_inductance(model: Model) -> bool:
-    """Tell whether a motor has no current as a state, since it has no inductance."""
-    return model.parameters.get("L_a") == 0.0
-
-
-def _showing(base: Model, channels: Sequence[str]) -> Model:
-    """Return a model that has its current as a state, by a small inductance, where that is asked for."""
-    if CURRENT not in channels or not _without_inductance(base):
-        return base
-    small = QUICK * base.parameters["R_a"]
-    return base.with_parameters({"L_a": small}).with_options(frozen=tuple(dict.fromkeys((*base.frozen, "L_a"))))
-
-
 def _seen(c: Contender, base: Model) -> Contender:
     """Return a rival whose model at its estimate has the states of a base model."""
     model = c.model_at(c.theta)
     if base.with_position and not model.with_position:
         model = model.with_options(with_position=True)
-    if model.parameters.get("L_a") != base.parameters.get("L_a") and _without_inductance(model):
-        model = model.with_parameters({"L_a": base.parameters["L_a"]}).with_options(frozen=base.frozen)
     return replace(c, models={c.theta.tobytes(): model})
 
 

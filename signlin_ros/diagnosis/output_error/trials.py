@@ -137,7 +137,7 @@ def seen_loads(problem: Problem) -> Iterator[tuple[str, Model]]:
     has them.
     """
     base = problem.base
-    for name in EFFECTS:
+    for name in (name for name, effect in EFFECTS.items() if effect.load_inertia):
         for trial in _trials(problem, name, False):
             if trial.inertia:
                 model = base.with_effect(name, key=free_key(base, name), **trial.starts[0])
