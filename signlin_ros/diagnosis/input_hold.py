@@ -137,7 +137,7 @@ def _tried(motion: OutputErrorEstimator, force: EquationErrorResult | None, stop
 
 def _leading(motion: OutputErrorEstimator, force: EquationErrorResult | None) -> Iterator[tuple[Names, Model]]:
     """Yield the effects that the force names, and the single laws that leave least of it, with their values; then the
-    loads that swing in it.
+    loads behind a coupling that show in it.
     """
     if force is None:
         return
