@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from tests.ros.forking import spent_by_copies
+from tests.forking import spent_by_copies
 
 HERE = Path(__file__).parent
 YIELD = 10

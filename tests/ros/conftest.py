@@ -13,8 +13,14 @@ from typing import Any
 
 import pytest
 
-from tests.ros.forking import Copied, Zygote
+from tests.forking import Copied, Zygote
 
+IMPORTED = (
+    *("signlin_ros.nodes.linearizer_logic", "signlin_ros.nodes.controller_logic", "signlin_ros.nodes.monitor_logic"),
+    *("signlin_ros.nodes.feed_logic", "signlin_ros.nodes.diagnoses", "signlin_ros.records"),
+    *("sim_nodes.signals", "sim_nodes.playing", "sim_nodes.measuring"),
+)
+"""Not rclpy, whose libraries start threads."""
 PREFIX = Path(sys.prefix)
 SHARE = PREFIX / "share" / "signlin_ros"
 CONFIG = SHARE / "config"
@@ -190,7 +196,7 @@ def zygote() -> Iterator[Callable[[], Zygote]]:
 
     def only() -> Zygote:
         if not made:
-            made.append(Zygote())
+            made.append(Zygote(*IMPORTED))
         return made[0]
 
     yield only

@@ -20,6 +20,16 @@ from urllib.parse import quote, urlsplit
 
 import pytest
 
+from tests.forking import Copied, Zygote
+
+IMPORTED = (
+    *("signlin_ros.workbench.server", "signlin_ros.workbench.worker", "signlin_ros.workbench.calls"),
+    *("signlin_ros.cli.running", "signlin_ros.checks", "signlin_ros.guard", "signlin_ros.records.formats.csv"),
+    *("signlin_ros.diagnosis.verbs", "signlin_ros.diagnosis.comparison"),
+    *("uvicorn.lifespan.on", "uvicorn.loops.auto", "uvicorn.protocols.http.auto"),
+)
+"""What a server and its workers need."""
+SERVED = Path(__file__).with_name("served.py")
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
 PATIENCE = 300.0
 """Seconds to wait for what must happen; much more than it takes, for the sake of busy machines."""
@@ -50,18 +60,23 @@ requestAnimationFrame(() => requestAnimationFrame(arguments[1])); // the page is
 
 
 class Server:
-    """``signlin workbench`` in a folder."""
+    """``signlin workbench`` in a folder; a copy of ``zygote`` runs it if one is given."""
 
-    def __init__(self, folder: Path, *arguments: str) -> None:
-        self.folder, self.arguments = folder, arguments
+    def __init__(self, folder: Path, *arguments: str, zygote: Zygote | None = None) -> None:
+        self.folder, self.arguments, self._zygote = folder, arguments, zygote
         self.log = folder / "server.log"
+        self.process: subprocess.Popen[bytes] | Copied
         self.start()
 
     def start(self) -> None:
-        command = [sys.executable, "-m", "signlin_ros.cli", "workbench", *self.arguments, "--no-browser"]
+        given = ["workbench", *self.arguments, "--no-browser"]
         before = len(self._printed())
-        with self.log.open("ab") as out:
-            self.process = subprocess.Popen(command, cwd=self.folder, stdout=out, stderr=out, env=environment())
+        if self._zygote is not None:
+            self.process = self._zygote.start([str(SERVED), *given], self.log, environment(), self.folder)
+        else:
+            command = [sys.executable, "-m", "signlin_ros.cli", *given]
+            with self.log.open("ab") as out:
+                self.process = subprocess.Popen(command, cwd=self.folder, stdout=out, stderr=out, env=environment())
         self.address = self._address(before)
 
     def _printed(self) -> list[str]:
@@ -131,14 +146,32 @@ def environment() -> dict[str, str]:
     return {**own, **os.environ, "PYTHONPATH": os.pathsep.join([root, os.environ.get("PYTHONPATH", "")])}
 
 
-def starting(folder: Path) -> Iterator[Callable[..., Server]]:
-    """Yield what starts servers in a folder, and end them all."""
+@pytest.fixture(scope="session")
+def web_zygote() -> Iterator[Callable[[], Zygote]]:
+    """What servers and the templates of their workers are copied from; made where it is first needed."""
+    made: list[Zygote] = []
+
+    def only() -> Zygote:
+        if not made:
+            made.append(Zygote(*IMPORTED))
+        return made[0]
+
+    yield only
+    for one in made:
+        one.close()
+
+
+def starting(folder: Path, zygote: Callable[[], Zygote]) -> Iterator[Callable[..., Server]]:
+    """Yield what starts servers in a folder, and end them all.
+
+    ``copied``: a copy of a process that has imported what it needs is the server, and another one its template.
+    """
     pytest.importorskip("starlette", reason="the extra `web` is not installed")
     pytest.importorskip("uvicorn", reason="the extra `web` is not installed")
     running: list[Server] = []
 
-    def start(*arguments: str) -> Server:
-        running.append(Server(folder, *arguments))
+    def start(*arguments: str, copied: bool = True) -> Server:
+        running.append(Server(folder, *arguments, zygote=zygote() if copied else None))
         return running[-1]
 
     yield start
@@ -147,14 +180,14 @@ def starting(folder: Path) -> Iterator[Callable[..., Server]]:
 
 
 @pytest.fixture
-def server(tmp_path: Path) -> Iterator[Callable[..., Server]]:
-    yield from starting(tmp_path)
+def server(tmp_path: Path, web_zygote: Callable[[], Zygote]) -> Iterator[Callable[..., Server]]:
+    yield from starting(tmp_path, web_zygote)
 
 
 @pytest.fixture(scope="module")
-def shared_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+def shared_server(tmp_path_factory: pytest.TempPathFactory, web_zygote: Callable[[], Zygote]) -> Iterator[Server]:
     """One server for tests that do not change what others see."""
-    for start in starting(tmp_path_factory.mktemp("shared")):
+    for start in starting(tmp_path_factory.mktemp("shared"), web_zygote):
         yield start()
 
 

@@ -213,7 +213,7 @@ def test_two_files_of_one_name_at_once_are_two_files(client: Client) -> None:
 
 
 def test_a_second_server_on_a_folder_is_refused(server: Callable[..., Server], tmp_path: Path) -> None:
-    first = server()
+    first = server(copied=False)
     command = [sys.executable, "-m", "signlin_ros.cli", "workbench", "--no-browser"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, timeout=120, check=False)
     said = done.stderr.decode().strip()
@@ -326,7 +326,7 @@ def test_projects_that_are_not_looked_at_hold_no_processes(server: Callable[...,
     psutil = pytest.importorskip("psutil")
     from signlin_ros.workbench.server import AWAKE
 
-    given = server()
+    given = server(copied=False)
     client, projects = given.client(), []
     for _ in range(6):
         projects.append(client.project())

@@ -135,7 +135,7 @@ def test_nothing_is_lost_when_the_server_is_killed(
 ) -> None:
     port = "18" + str(time.time_ns())[-3:]
     given, page = (
-        server(str(hidden_effect / "model.yaml"), str(hidden_effect / "validation.csv"), "--port", port),
+        server(str(hidden_effect / "model.yaml"), str(hidden_effect / "validation.csv"), "--port", port, copied=False),
         browser(),
     )
     page.open(given.address)
@@ -158,7 +158,7 @@ def test_a_server_that_is_ended_while_a_page_looks_ends_at_once_and_says_nothing
     server: Callable[..., Server], browser: Callable[..., Page]
 ) -> None:
     psutil = pytest.importorskip("psutil")
-    given, page = server(), browser(1280, 800)
+    given, page = server(copied=False), browser(1280, 800)
     page.open(given.address)
     page.click("tab-live")
     page.wait(lambda: psutil.Process(given.process.pid).children(), "the workers")

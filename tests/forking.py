@@ -1,8 +1,9 @@
 """Executables that do not import everything anew: copies of a process that has imported what they need.
 
-A node takes two seconds of processor time to import CasADi, Numba and SciPy and to load compiled code. `Zygote` starts
-one Python process, `main` below, which does that once and then, for each executable, makes a copy of itself [fork(2)]
-that runs the same file with the same arguments and environment.
+A node takes two seconds of processor time to import CasADi, Numba and SciPy and to load compiled code, a server of the
+page and the template of its workers take as much. `Zygote` starts one Python process, `main` below, which does that
+once and then, for each executable, makes a copy of itself [fork(2)] that runs the same file with the same arguments and
+environment.
 """
 
 from __future__ import annotations
@@ -21,12 +22,6 @@ import time
 from pathlib import Path
 from typing import Any
 
-IMPORTED = (
-    *("signlin_ros.nodes.linearizer_logic", "signlin_ros.nodes.controller_logic", "signlin_ros.nodes.monitor_logic"),
-    *("signlin_ros.nodes.feed_logic", "signlin_ros.nodes.diagnoses", "signlin_ros.records"),
-    *("sim_nodes.signals", "sim_nodes.playing", "sim_nodes.measuring"),
-)
-"""Not rclpy, whose libraries start threads."""
 _spent = 0.0
 
 
@@ -64,20 +59,23 @@ class Copied:
 
 
 class Zygote:
-    """The process that is copied, seen from the tests."""
+    """The process that is copied, seen from the tests.
 
-    def __init__(self) -> None:
+    ``imported``: modules that copies need. A library that starts threads when it is imported cannot be among them.
+    """
+
+    def __init__(self, *imported: str) -> None:
         ours, theirs = socket.socketpair()
-        command = [sys.executable, __file__, str(theirs.fileno())]
+        command = [sys.executable, __file__, str(theirs.fileno()), *imported]
         env = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}  # whose threads a copy would not have
         self._process = subprocess.Popen(command, pass_fds=[theirs.fileno()], env=env)
         theirs.close()
-        self._socket, self._copies = ours, dict[int, Copied]()
+        self._socket, self._copies, self._spent = ours, dict[int, Copied](), 0.0
 
-    def start(self, command: list[str], log: Path, env: dict[str, str]) -> Copied:
-        """Run a Python file with arguments; what it prints goes to a file."""
+    def start(self, command: list[str], log: Path, env: dict[str, str], folder: Path | None = None) -> Copied:
+        """Run a Python file with arguments in a folder, or here; what it prints is added to a file."""
         log.touch()  # it is there to be read before the copy has begun
-        order = {"command": command, "log": str(log), "env": env, "folder": str(Path.cwd())}
+        order = {"command": command, "log": str(log), "env": env, "folder": str(folder or Path.cwd())}
         self._socket.sendall(json.dumps(order).encode() + b"\n")
         while (answer := self._read())["kind"] != "begun":
             self._note(answer)
@@ -102,6 +100,7 @@ class Zygote:
         global _spent  # noqa: PLW0603
         self._copies.pop(answer["pid"]).returncode = answer["code"]
         _spent += answer["spent"]
+        self._spent += answer["spent"]
 
     def close(self) -> None:
         """End the process, and copies that are left."""
@@ -110,7 +109,7 @@ class Zygote:
         self._socket.close()
         self._process.wait()
         global _spent  # noqa: PLW0603
-        _spent = 0.0  # from now on this process has all of it in its own account, with those it has waited for
+        _spent -= self._spent  # from now on this process has it in its own account, with those it has waited for
 
 
 # -------------------------------------------------------------------- in the process that is copied
@@ -120,7 +119,7 @@ def main() -> None:
     """Import everything, then start copies as long as the tests ask for them."""
     orders = socket.socket(fileno=int(sys.argv[1]))
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # of a terminal: it is the tests' to end this
-    for name in IMPORTED:
+    for name in sys.argv[2:]:
         importlib.import_module(name)
     from signlin_ros.model import Model
     from signlin_ros.warming import warm_up
@@ -180,7 +179,7 @@ def _run(command: list[str], log: str, env: dict[str, str], folder: str) -> None
     """Become an executable: what Python runs from here on is its file, and nothing after it."""
     for number, what in ((signal.SIGCHLD, signal.SIG_DFL), (signal.SIGINT, signal.default_int_handler)):
         signal.signal(number, what)
-    with Path(log).open("wb") as out:
+    with Path(log).open("ab") as out:
         for stream in (1, 2):
             os.dup2(out.fileno(), stream)
     with Path(os.devnull).open("rb") as nothing:
