@@ -227,9 +227,13 @@ def _cache_folder() -> Path | None:
         return None
 
 
+MOST_MODULES = 256
+"""Modules in one of LLVM's engines: it looks through all that it has for the names in a new one."""
+
+
 @functools.cache
-def _engine() -> tuple[Any, str]:
-    """Return LLVM's engine with its cache, and what identifies the target."""
+def _engine(number: int) -> tuple[Any, str]:
+    """Return an engine of LLVM by its number, with the cache of all of them, and what identifies the target."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     target = llvm.Target.from_default_triple()
@@ -237,13 +241,18 @@ def _engine() -> tuple[Any, str]:
     machine = target.create_target_machine(cpu=llvm.get_host_cpu_name(), features=features, opt=2)
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
     engine.finalize_object()  # the empty module that it begins with is not for the cache
-    folder = _cache_folder()
-    if folder is not None:
-        cache = _Cache(folder)
+    cache = _cache()
+    if cache is not None:
         engine.set_object_cache(cache.save, cache.load)
-        _keep.append(cache)
     _keep.append(machine)
     return engine, f"{llvm.get_host_cpu_name()} {features} {llvm.llvm_version_info} {numba.__version__}"
+
+
+@functools.cache
+def _cache() -> _Cache | None:
+    """Return the cache of this process; None where there is no folder for it."""
+    folder = _cache_folder()
+    return None if folder is None else _Cache(folder)
 
 
 _keep: list[Any] = []
@@ -256,7 +265,7 @@ _addresses: dict[str, tuple[int, ...]] = {}
 def translated(text: str, names: tuple[str, ...]) -> tuple[int, ...]:
     """Return the addresses of the functions ``@tape_<name>`` of a text in LLVM's language; from any thread."""
     with _lock:
-        engine, target = _engine()
+        engine, target = _engine(len(_addresses) // MOST_MODULES)
         digest = hashlib.sha256(f"{target}\n{text}".encode()).hexdigest()[:32]
         if digest not in _addresses:
             module = llvm.parse_assembly(text.replace("@tape_", f"@t{digest}_"))
