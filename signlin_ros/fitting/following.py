@@ -85,8 +85,8 @@ def follow_records(
             return None
         E[: len(weights)] *= weights[: len(E)]
         D[: len(weights)] *= weights[: len(D), :, None]
-        unseen = ((np.arange(len(E)) < unknown)[:, None] | (np.isnan(E) & late[:, 3:].any())) & np.isfinite(s.y)
-        if unseen.any():
+        if unknown or late[:, 3:].any():
+            unseen = ((np.arange(len(E)) < unknown)[:, None] | (np.isnan(E) & late[:, 3:].any())) & np.isfinite(s.y)
             usual = np.sqrt(mean_square(np.where(unseen, np.nan, E)))
             E[unseen] = np.broadcast_to(np.where(np.isfinite(usual), usual, problem.noise), E.shape)[unseen]
         for kept, one in zip(found, (E, c.to_coordinates(D, s), X), strict=True):

@@ -95,22 +95,32 @@ class Equations:
         caller(self.brief[1])(np.concatenate([np.zeros(n + m), p, [0.0]]), result)
         lasting = np.array(self.lasting)
         J = result[self.places.J :].reshape(n, n)[lasting[:, None], lasting]
-        if not np.isfinite(J).all():
-            return np.inf
-        rates = np.linalg.eigvals(J)
-        rates = rates[rates.imag > 0.0]
-        if not rates.size:
-            return np.inf
-        own, size = scale[lasting], np.abs(rates)
-        fastest = np.sqrt(np.max((np.abs(J @ J) * own / own[:, None]).sum(axis=1)))
-        damping = np.maximum(-rates.real / size, MIN_COUNTED_DAMPING)
-        return float(fastest * np.min((240.0 * OFF * damping) ** 0.25 / size))
+        return _ringing(J.tobytes(), scale[lasting].tobytes())
 
     @property
     def places(self) -> Places:
         """Where in everything what is known without sensitivities begins."""
         n, _, ny, *_ = self.sizes
         return _places(n, ny)
+
+
+@functools.lru_cache(maxsize=4096)
+def _ringing(jacobian: bytes, scale: bytes) -> float:
+    """Return `Equations.ringing` of a model with J (k, k) at rest and states of these sizes (k): a fit's steps change
+    much that does not act there, and all its observers ask for the same.
+    """
+    own = np.frombuffer(scale)
+    J = np.frombuffer(jacobian).reshape(own.size, own.size)
+    if not np.isfinite(J).all():
+        return np.inf
+    rates = np.linalg.eigvals(J)
+    rates = rates[rates.imag > 0.0]
+    if not rates.size:
+        return np.inf
+    size = np.abs(rates)
+    fastest = np.sqrt(np.max((np.abs(J @ J) * own / own[:, None]).sum(axis=1)))
+    damping = np.maximum(-rates.real / size, MIN_COUNTED_DAMPING)
+    return float(fastest * np.min((240.0 * OFF * damping) ** 0.25 / size))
 
 
 def _places(n: int, ny: int) -> Places:
