@@ -300,4 +300,4 @@ def trace(structure: Structure) -> Trace:
 @symbolic
 def delay_of(t: Trace, p: Any) -> float:
     """Return the delay of the input in s for values p of the parameters."""
-    return float(ca.Function("delay", [t.p], [t.delay])(p))
+    return float(t.delay if t.delay.is_constant() else ca.Function("delay", [t.p], [t.delay])(p))

@@ -13,7 +13,7 @@ from numba import njit
 from numba.core.errors import TypingError
 
 from signlin_ros.engine.compiling import call, call_within, caller
-from signlin_ros.engine.native import _Cache, native
+from signlin_ros.engine.native import _Cache, _engine, native
 from signlin_ros.engine.operations import NUMPY as OPERATIONS
 from signlin_ros.engine.tape import Tape
 
@@ -69,6 +69,15 @@ def values(tape: Tape, *inputs: float) -> np.ndarray:
     out = np.zeros(tape.n_out)
     caller(native(tape)[0])(np.array(inputs, dtype=float), out)
     return out
+
+
+def test_more_functions_than_an_engine_takes_are_all_there(monkeypatch):
+    monkeypatch.setattr("signlin_ros.engine.native.MOST_MODULES", 3)
+    x, before = ca.SX.sym("x"), _engine.cache_info().currsize
+    tapes = [Tape.of(ca.Function("f", [x], [ca.sin(x) * (k + 0.75)])) for k in range(8)]
+    for _ in range(2):
+        assert [values(tape, 0.5)[0] for tape in tapes] == [np.sin(0.5) * (k + 0.75) for k in range(8)]
+    assert _engine.cache_info().currsize >= before + 2
 
 
 def process(cache: Path, *, run: bool = True) -> subprocess.Popen[str]:
