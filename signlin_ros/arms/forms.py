@@ -8,23 +8,18 @@ beside it, on the rows of the fit and on unseen rows alike.   [Davidson and MacK
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from copy import copy
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signlin_ros.arms.fit import CoefficientEstimate, FitDesign, fit
-from signlin_ros.arms.heldout import MIN_VALIDATION_ERRORS
+from signlin_ros.arms.heldout import MIN_VALIDATION_ERRORS, above_crawl
 from signlin_ros.arms.keys import Key, SearchResult, names_of
 from signlin_ros.arms.laws import ASKED, EXTRA, JointLaw, shapes
-from signlin_ros.arms.piece import RegressionRows
 from signlin_ros.arms.search import MIN_VALIDATION_SHARE, State, admissible, needed_errors, settled
 
 POWER_LAW = ASKED[0]
 CUBIC = "cubic_viscous_friction"
-ABOVE_CRAWL = 0.05
-"""Part of a joint's fastest speed below which it crawls."""
 
 
 def better_forms(
@@ -90,21 +85,11 @@ def _stands(state: State, estimate: CoefficientEstimate, new: Key) -> bool:
 
 def _ratios(state: State, design: FitDesign, estimate: CoefficientEstimate, i: int) -> Iterator[dict[str, float]]:
     """Yield coefficients over their standard errors by name, of rows of the fit and of unseen ones above the crawl."""
-    crawl = [(r.joint == i) & ~r.faster(i, ABOVE_CRAWL) for r in state.both]
-    known, unseen = (np.where(c[:, None], 0.0, X) for c, X in zip(crawl, (design.known, design.unseen), strict=True))
-    above = FitDesign(design.names, known, unseen, design.mean, design.sd)
-    rows, others = (_without(r, c) for r, c in zip(state.both, crawl, strict=True))
+    above, rows, others = above_crawl(design, state.both, i)
     for own, first, second in ((above, rows, others), (above.swapped(), others, rows)):
         fitted = fit(own, first, second, estimate.weights)
         ratios = fitted.theta / np.maximum(fitted.errors(), 1e-300)
         yield dict(zip(own.names, ratios.tolist(), strict=True))
-
-
-def _without(rows: RegressionRows, left_out: NDArray[np.bool_]) -> RegressionRows:
-    """Return rows of which some (N,) say nothing."""
-    found = copy(rows)
-    found.y = np.where(left_out, 0.0, rows.y)
-    return found
 
 
 def _told(state: State, estimate: CoefficientEstimate, new: Key) -> SearchResult:

@@ -7,11 +7,14 @@ from copy import copy
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.arms.fit import CoefficientEstimate, FitDesign, fit
+from signlin_ros.arms.fit import LEAST_LEFT, CoefficientEstimate, FitDesign, fit
+from signlin_ros.arms.piece import RegressionRows
 
 Array = NDArray[np.float64]
 MIN_VALIDATION_ERRORS = 2.5
 """Standard errors, of the same sign, on unseen rows."""
+ABOVE_CRAWL = 0.05
+"""Part of a joint's fastest speed below which it crawls."""
 LEAST_BLOCKS = 6
 """Blocks of unseen rows from which on the scatter between them tells an error."""
 
@@ -72,6 +75,32 @@ def on_all(trial: CoefficientEstimate) -> CoefficientEstimate:
     return fit(FitDesign(design.names, X, X, design.mean, design.sd), rows, rows, trial.weights)
 
 
+def above_crawl(
+    design: FitDesign, both: tuple[RegressionRows, RegressionRows], joint: int
+) -> tuple[FitDesign, RegressionRows, RegressionRows]:
+    """Return a design and its two sides of rows where a joint's own rows say nothing while it crawls.
+
+    There a law of the speed looks like dry friction that sets in gradually.
+    """
+    crawl = [(r.joint == joint) & ~r.faster(joint, ABOVE_CRAWL) for r in both]
+    known, unseen = (np.where(c[:, None], 0.0, X) for c, X in zip(crawl, (design.known, design.unseen), strict=True))
+    rows, new = (_without(r, c) for r, c in zip(both, crawl, strict=True))
+    return FitDesign(design.names, known, unseen, design.mean, design.sd), rows, new
+
+
+def ratio_above_crawl(trial: CoefficientEstimate, names: tuple[str, ...], joint: int) -> float:
+    """Return the largest of some coefficients in standard errors, of a fit to all rows above the crawl of a joint."""
+    design, rows, new = above_crawl(trial.design, (trial.rows, trial.new), joint)
+    return ratio_on_all(fit(design, rows, new, trial.weights), names)
+
+
+def _without(rows: RegressionRows, left_out: NDArray[np.bool_]) -> RegressionRows:
+    """Return rows of which some (N,) say nothing."""
+    found = copy(rows)
+    found.y = np.where(left_out, 0.0, rows.y)
+    return found
+
+
 def _both(trial: CoefficientEstimate, names: tuple[str, ...]) -> tuple[tuple[Array, Array], Array, Array]:
     """Return coefficients and standard errors (k,) of a fit, then those of unseen rows by themselves."""
     other = fit(trial.design.swapped(), trial.new, trial.rows, trial.weights)
@@ -88,8 +117,19 @@ def _slope_errors(before: CoefficientEstimate, trial: CoefficientEstimate, joint
     if size <= 0.0 or np.unique(block).size < LEAST_BLOCKS:
         return 0.0
     slope = float(change @ left) / size
-    scatter = float(np.linalg.norm(np.bincount(block, change * (left - slope * change))))
-    return slope * size / max(scatter, 1e-300)
+    leverage = np.bincount(block, change**2) / size
+    score = np.bincount(block, change * (left - slope * change)) / np.maximum(1.0 - leverage, LEAST_LEFT)
+    return slope * size / max(float(np.linalg.norm(score)), 1e-300)
 
 
-__all__ = ["MIN_VALIDATION_ERRORS", "again", "agree", "foretells", "foretold_both_ways", "on_all", "ratio_on_all"]
+__all__ = [
+    "MIN_VALIDATION_ERRORS",
+    "above_crawl",
+    "again",
+    "agree",
+    "foretells",
+    "foretold_both_ways",
+    "on_all",
+    "ratio_above_crawl",
+    "ratio_on_all",
+]

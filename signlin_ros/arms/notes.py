@@ -43,7 +43,7 @@ def as_good(study: Study, found: SearchResult) -> str:
 
 def study_notes(study: Study) -> list[str]:
     """Return sentences on the records, on friction that differs between them, and on faults of the URDF."""
-    return [*study.notes, *warmth_notes(study), *_loaded_notes(study), *_urdf_notes(study)]
+    return [*study.notes, *warmth_notes(study), *drift_notes(study), *_loaded_notes(study), *_urdf_notes(study)]
 
 
 def _loaded_notes(study: Study) -> list[str]:
@@ -70,6 +70,20 @@ def warmth_notes(study: Study) -> list[str]:
         found.append(f"{study.names[i]} {' to '.join(f'{sizes[k]:.2f} times ({sources[k]})' for k in ends)}")
     said = "friction differs between the records (warm-up?)"
     allowed = "laws are judged beside that; the table is not, as a model has one friction for all records"
+    return [f"{said}: {'; '.join(found)}; {allowed}"] if found else []
+
+
+def drift_notes(study: Study) -> list[str]:
+    """Return a sentence on joints whose friction changes within records beyond doubt."""
+    if study.drift is None:
+        return []
+    found, sources = list[str](), [Path(source).name for source in study.drift.sources]
+    for i, changes in ((i, changes) for i, changes in study.drift.told() if i not in study.barred):
+        k = int(np.nanargmax(np.abs(changes)))
+        way = "falls" if changes[k] < 0.0 else "grows"
+        found.append(f"{study.names[i]} {way} by {100.0 * abs(changes[k]):.2g} % over {sources[k]}")
+    said = "friction changes within the records (warm-up?)"
+    allowed = "laws are judged beside that; the table is not, as a model has one friction at all times"
     return [f"{said}: {'; '.join(found)}; {allowed}"] if found else []
 
 
@@ -156,6 +170,7 @@ def weighed_beside(diagnosis: ArmDiagnosis) -> list[str]:
 __all__ = [
     "as_good",
     "bent",
+    "drift_notes",
     "name_of",
     "payload_alone",
     "resized_notes",

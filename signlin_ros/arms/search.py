@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
+from signlin_ros.arms.drift import with_changes
 from signlin_ros.arms.fit import IN_RECORD, CoefficientEstimate, FitDesign, blocks, fit, rigid
 from signlin_ros.arms.heldout import (
     MIN_VALIDATION_ERRORS,
@@ -23,6 +24,7 @@ from signlin_ros.arms.heldout import (
     agree,
     foretells,
     foretold_both_ways,
+    ratio_above_crawl,
     ratio_on_all,
 )
 from signlin_ros.arms.keys import DELAY, GAIN, SEEN_ELSEWHERE, Key, SearchResult, names_of
@@ -64,6 +66,8 @@ MIN_NEW_SHARE = 1e-4
 """Part of a column that must be new beside what is fitted already."""
 GIVEN = 0.3
 """Relative error of a motor's inertia that the file gives."""
+OF_SPEED = "viscous_friction"
+"""What laws of the whole speed take the place of; they are told by rows above the crawl."""
 MAX_LAWS_ADDED = 12
 """Laws that are added, at most."""
 
@@ -75,8 +79,8 @@ class State:
     ``barred``: joints of which nothing is told; ``behind``: joints whose effort is measured behind the gear, so that
     the motor's inertia is not in it; ``known``: laws that are not searched for; ``lumped`` (10 n,): the
     inertia of a payload that was found, as that of a point, which its columns leave out; ``spread``: standard deviation
-    of a record's size of friction around one, 0 where friction is the same in all; ``lightest``: the record
-    that carries least, where payloads differ.
+    of a record's size of friction around one, 0 where friction is the same in all; ``change``: the same of its change
+    within a record; ``lightest``: the record that carries least, where payloads differ.
     """
 
     robot: Robot
@@ -94,6 +98,7 @@ class State:
     known: frozenset[Key] = frozenset()
     lumped: Array | float = 0.0
     spread: float = 0.0
+    change: float = 0.0
     lightest: int | None = None
     terms: list[tuple[Key, JointLaw | None]] = field(default_factory=list)
     found: list[SearchResult] = field(default_factory=list)
@@ -169,12 +174,19 @@ class State:
     @property
     def own(self) -> bool:
         """Whether records have coefficients of their own."""
-        return self.lightest is not None or self.spread > 0.0
+        return self.lightest is not None or self.sized
+
+    @property
+    def sized(self) -> bool:
+        """Whether the friction of a record has a size of its own, or one that changes."""
+        return self.spread > 0.0 or self.change > 0.0
 
     def _with_own(self, design: FitDesign, friction: Friction, loads: Loads) -> FitDesign:
         """Return a design with what each record has of its own: a payload, sizes of friction."""
         if self.lightest is not None and self.payload_at is not None:
             design = with_payloads(design, self.both, self.payload_at, self.lightest)
+        if self.change:
+            design = with_changes(design, self.both, friction, loads, self.change)
         return with_sizes(design, self.both, friction, loads, self.spread) if self.spread else design
 
     @property
@@ -246,17 +258,21 @@ def search(state: State, progress: Callable[[str], None] = lambda _: None) -> Co
 
 
 def _beside(state: State, estimate: CoefficientEstimate) -> CoefficientEstimate:
-    """Take out laws that were found where another joint's shows, and that are not there beside it; return the estimate.
+    """Take out laws of joints that were found before others were, and that are not there beside them, or would drive
+    their joint; return the estimate.
 
     The one that is least there goes first.   [Efroymson, in: Mathematical Methods for Digital Computers, Wiley, 1960]
     """
-    while laws := [key for key, _ in state.terms if key.law in SEEN_ELSEWHERE]:
-        own = dict(zip(estimate.design.names, np.abs(estimate.theta / estimate.errors()).tolist(), strict=True))
-        ratios = {key: own[names_of(key)[0]] for key in laws}
-        for key in (key for key, ratio in ratios.items() if ratio < MIN_COEFFICIENT_ERRORS):
+    while laws := [(found.key, law) for found in state.found for key, law in state.terms if key == found.key]:
+        own = dict(zip(estimate.design.names, (estimate.theta / estimate.errors()).tolist(), strict=True))
+        ratios = {}
+        for key, law in laws:
+            ratio = own[names_of(key)[0]]
+            ratios[key] = ratio if _of_one_sign(key, law) else abs(ratio)
+        for key in (key for key, ratio in ratios.items() if 0.0 <= ratio < MIN_COEFFICIENT_ERRORS):
             ratios[key] = ratio_on_all(estimate, names_of(key))
-        least = min(laws, key=lambda key: ratios[key])
-        if ratios[least] >= MIN_COEFFICIENT_ERRORS:
+        least = min((key for key in ratios if key.at >= 0), key=lambda key: ratios[key], default=None)
+        if least is None or ratios[least] >= MIN_COEFFICIENT_ERRORS:
             break
         state.terms = [(key, law) for key, law in state.terms if key != least]
         state.found = [law for law in state.found if law.key != least]
@@ -269,7 +285,7 @@ def settled(state: State, estimate: CoefficientEstimate | None = None) -> Coeffi
     for _ in range(2):
         estimate = fit(state.design(state.loads(estimate)), state.rows, state.new)
         state.lumped = state.point(estimate)
-        if not state.spread and not any(law is None or law.loaded for _, law in state.terms):
+        if not state.sized and not any(law is None or law.loaded for _, law in state.terms):
             break
     return estimate  # type: ignore[return-value]
 
@@ -343,6 +359,9 @@ def _stands(
     else:
         visible = np.nanmax(fall) if key.at < 0 or elsewhere else fall[key.at]
         if not (sure and visible > MIN_VALIDATION_SHARE and worth > 0.0 and _held(estimate, trial, promise, needed)):
+            return None
+        of_speed = law is not None and law.base == OF_SPEED
+        if of_speed and ratio_above_crawl(trial, names, key.at) < MIN_COEFFICIENT_ERRORS:
             return None
     return SearchResult(key, names, values, errors, before, after, worth), law
 

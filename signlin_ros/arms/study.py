@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.arms.data import ArmRun
+from signlin_ros.arms.drift import Drift
 from signlin_ros.arms.fit import CoefficientEstimate, fit, rigid
 from signlin_ros.arms.laws import BASIC, WORKED_OUT, JointLaw, KeptEffect, force
 from signlin_ros.arms.loaded import Loaded
@@ -40,7 +41,8 @@ class Study:
     """A model and its records: ``rows`` of the fit and ``new`` unseen ones, in one band (Hz).
 
     ``barred``: joints of which nothing is told, and why; ``link_side``: joints whose effort has little friction in it;
-    ``warmth``, ``loaded``: by how much friction and payloads differ between records, where there are several.
+    ``warmth``, ``loaded``: by how much friction and payloads differ between records, where there are several;
+    ``drift``: by how much friction changes within them.
     """
 
     model: ArmModel
@@ -51,6 +53,7 @@ class Study:
     barred: dict[int, str] = field(default_factory=dict)
     link_side: dict[int, str] = field(default_factory=dict)
     warmth: Warmth | None = None
+    drift: Drift | None = None
     loaded: Loaded | None = None
     notes: list[str] = field(default_factory=list)
 
@@ -101,6 +104,7 @@ class Study:
             carried=self.carried,
             tilts=not silent,
             spread=0.0 if self.warmth is None else self.warmth.spread,
+            change=0.0 if self.drift is None else self.drift.size,
             lightest=None if self.loaded is None else self.loaded.lightest,
         )
 

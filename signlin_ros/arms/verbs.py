@@ -12,6 +12,7 @@ from signlin_ros.arms.ahead import WINDOW, Ahead, Witness, ahead, witnesses
 from signlin_ros.arms.coupling import find_coupling
 from signlin_ros.arms.data import ArmRun
 from signlin_ros.arms.detectable import detectable
+from signlin_ros.arms.drift import Drift, drift
 from signlin_ros.arms.faults import FAULTS, Fault, faults, not_again, put_right, told_with, unmade
 from signlin_ros.arms.fit import CoefficientEstimate, blocks, fit
 from signlin_ros.arms.forms import better_forms
@@ -125,7 +126,7 @@ def _compared(found: Study) -> ArmComparison:
     whole = found.of_all()
     all_data = settled(whole.state())  # the best numbers of basic friction, not a test
     found.loaded = whole.loaded = _loaded(whole, all_data)
-    found.warmth = _warmth(whole, _in_file(found))
+    found.warmth, found.drift = _in_time(whole, _in_file(found))
     state = found.state()
     return ArmComparison(found, table, basic, all_data, settled(state).matched_rms if state.own else None)
 
@@ -137,13 +138,18 @@ def _loaded(whole: Study, all_data: CoefficientEstimate) -> Loaded | None:
     return loaded(all_data, whole.payload_place, MIN_COEFFICIENT_ERRORS, MIN_VALIDATION_SHARE)
 
 
-def _warmth(whole: Study, laws: Sequence[tuple[Key, JointLaw | None]]) -> Warmth | None:
-    """Return by how much friction differs between the records of all rows beside some laws; None of one record."""
-    if len(sources_of(whole.rows)) < 2:
-        return None
-    state = replace(whole.state(), terms=list(laws), spread=0.0)
+def _in_time(whole: Study, laws: Sequence[tuple[Key, JointLaw | None]]) -> tuple[Warmth | None, Drift | None]:
+    """Return by how much friction differs between the records of all rows beside some laws, None of one record, and by
+    how much it changes within them, None of efforts behind gears.
+    """
+    several, geared = len(sources_of(whole.rows)) > 1, not whole.link_side
+    if not several and not geared:
+        return None, None
+    state = replace(whole.state(), terms=list(laws), spread=0.0, change=0.0)
     estimate = settled(state)
-    return warmth(estimate, state.friction(estimate), state.loads(estimate))
+    friction, loads = state.friction(estimate), state.loads(estimate)
+    own = warmth(estimate, friction, loads) if several else None
+    return own, drift(estimate, friction, loads) if geared else None
 
 
 def _behind_gears(found: Study, basic: CoefficientEstimate, rigid: Array) -> bool:
@@ -344,7 +350,8 @@ def _told(
         for name, unit in (("m", "kg"), ("mx", "kg·m"), ("my", "kg·m"), ("mz", "kg·m")):
             at = estimate.design.at(f"payload.{name}")
             payload[name] = (float(estimate.theta[at]), float(errors[at]), unit)
-    again = replace(found, warmth=_warmth(found.of_all(), written.terms))
+    differs, changes = _in_time(found.of_all(), written.terms)
+    again = replace(found, warmth=differs, drift=changes)
     table = replace(comparison.table, model=own)
     compared = replace(comparison, study=again, table=table, matched=estimate.matched_rms if state.own else None)
     laws = tuple(_as_settled(law, estimate) for law in state.found)

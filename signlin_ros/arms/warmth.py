@@ -56,7 +56,7 @@ def with_sizes(
         among = [within(rows, source) for rows in both]
         for place in sorted({law[0] for law in friction}):
             own = [law for law in friction if law[0] == place]
-            sides = [_needed(own, rows, loads) * own_rows[:, None] for rows, own_rows in zip(both, among, strict=True)]
+            sides = [needed(own, rows, loads) * own_rows[:, None] for rows, own_rows in zip(both, among, strict=True)]
             design = design.plus((name_of_size(place, k),), sides[0], sides[1], 0.0, spread)
     return design
 
@@ -78,7 +78,7 @@ def in_record(
     return [(i, law, shape, value * size(i, law)) for i, law, shape, value in friction]
 
 
-def _needed(laws: Friction, rows: RegressionRows, loads: Loads) -> Array:
+def needed(laws: Friction, rows: RegressionRows, loads: Loads) -> Array:
     """Return the effort (N, 1) that the friction of a place needs."""
     parts = [value * column(law, shape, rows, i, loads) for i, law, shape, value in laws if _warms(law)]
     return np.sum(parts, axis=0) if parts else np.zeros((len(rows), 1))
@@ -98,7 +98,7 @@ def warmth(estimate: CoefficientEstimate, friction: Friction, loads: Loads) -> W
     """
     rows, n = estimate.rows, estimate.rows.n
     sources = sources_of(rows)
-    design = with_sizes(_held(estimate, friction), (rows, rows), friction, loads, OPEN)
+    design = with_sizes(held(estimate, friction), (rows, rows), friction, loads, OPEN)
     free = fit(design, rows, rows, estimate.weights)
     errors = dict(zip(design.names, free.errors().tolist(), strict=True))
     names = [[name_of_size(i, k) for k in range(len(sources))] for i in range(n)]
@@ -110,7 +110,7 @@ def warmth(estimate: CoefficientEstimate, friction: Friction, loads: Loads) -> W
     return Warmth(sources, sizes, own_errors, _scatter(sizes, own_errors))
 
 
-def _held(estimate: CoefficientEstimate, friction: Friction) -> FitDesign:
+def held(estimate: CoefficientEstimate, friction: Friction) -> FitDesign:
     """Return the design of an estimate, the coefficients of its friction held where they are."""
     design = estimate.design
     names = {f"{i}.{law.effect}{end}" for i, law, _, _ in friction if _warms(law) for end in ("", f".{law.linear}")}
@@ -148,4 +148,15 @@ def differing(found: Warmth) -> Iterator[tuple[int, Array]]:
             yield i, np.where(weight > 0.0, (1.0 + size) / (1.0 + mean), np.nan)
 
 
-__all__ = ["Warmth", "differing", "in_record", "name_of_size", "sources_of", "warmth", "with_sizes", "within"]
+__all__ = [
+    "Warmth",
+    "differing",
+    "held",
+    "in_record",
+    "name_of_size",
+    "needed",
+    "sources_of",
+    "warmth",
+    "with_sizes",
+    "within",
+]

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from signlin_ros.arms.fit import FitDesign, fit
+from signlin_ros.arms.fit import FitDesign, blocks, fit
 from signlin_ros.arms.heldout import again, agree, foretells, foretold_both_ways, ratio_on_all
 from signlin_ros.arms.keys import GAIN, Key
 from signlin_ros.arms.laws import EXTRA
@@ -97,3 +97,31 @@ def test_a_gain_that_one_record_leaves_open_stands_if_both_agree_and_together_te
     state = SimpleNamespace(rows=known, new=unseen)
     promise = _Promise(1.0, Key(GAIN, 0), None, known.z[:, None], unseen.z[:, None])
     assert (_stands(state, before, promise, 50) is not None) == said
+
+
+def test_errors_allow_for_what_a_fit_takes_of_a_few_blocks():
+    """Twelve blocks, six coefficients that are alike within a block, noise that is, too: t ratios of scatter one."""
+    rng, count, blocks_ = np.random.default_rng(7), 6, 12
+    rows = SimpleNamespace(n=1, joint=np.zeros(10 * blocks_, dtype=int), block=np.arange(10 * blocks_) // 10)
+    rows.by_joint, rows.counts = (lambda r: np.array([np.sqrt(np.mean(r**2))])), np.array([10 * blocks_])
+    ratios, without = [], []
+    for _ in range(300):
+        X = np.repeat(rng.normal(size=(blocks_, count)), 10, axis=0) + 0.1 * rng.normal(size=(10 * blocks_, count))
+        rows.y = np.repeat(rng.normal(size=blocks_), 10) + 0.1 * rng.normal(size=10 * blocks_)
+        names = tuple(map(str, range(count)))
+        found = fit(FitDesign(names, X, X, np.zeros(count), np.full(count, np.inf)), rows, rows, np.ones(1))
+        seen = np.linalg.norm(blocks(X * found.residual[:, None], rows.block) @ found.inverse(), axis=0)
+        ratios.append(found.theta / found.errors())
+        without.append(found.theta / seen)
+    assert np.std(ratios) < 1.1
+    assert np.std(without) > 1.5  # residuals of rows that the fit sees
+
+
+def test_left_out_residuals_are_those_of_fits_without_the_block():
+    rows = Rows(8, 0.3)
+    _, trial = fitted(rows, rows)
+    own = rows.block == 3
+    X, y = trial.design.known[~own], rows.y[~own]
+    theta = np.linalg.lstsq(X, y, rcond=None)[0]
+    expected = (rows.y[own] - trial.design.known[own] @ theta) / NOISE
+    assert trial.left_out[own] == pytest.approx(expected, rel=1e-5)
