@@ -262,11 +262,26 @@ _OWN: dict[str, tuple[str, ...]] = {
     "нм": ("Nm",),
     "н·м": ("Nm",),
     "daNm": ("10 Nm",),
+    "degc": ("K",),
+    "deg c": ("K",),
+    "deg_c": ("K",),
+    "°c": ("K",),
+    "° c": ("K",),
+    "℃": ("K",),
+    "celsius": ("K",),
+    "degf": ("0.5555555555555556 K",),
+    "°f": ("0.5555555555555556 K",),
+    "℉": ("0.5555555555555556 K",),
+    "fahrenheit": ("0.5555555555555556 K",),
     "dNm": ("0.1 Nm",),
 }
 """What Pint does not know, reads as something else (``Nm``: per kilogram; ``amps``: a velocity), or what is written in
 other letters; looked up as it is written, then in small letters. Nothing: no unit, whatever Pint would make of it.
 """
+
+_ZEROS = {"degc": 273.15, "°c": 273.15, "℃": 273.15, "celsius": 273.15}
+_ZEROS |= dict.fromkeys(("degf", "°f", "℉", "fahrenheit"), 273.15 - 32.0 / 1.8)
+"""The temperature in K at which scales that do not begin at 0 K show 0; written without spaces, in small letters."""
 
 _MEANT = ("", "kilo", "milli", "micro", "nano")
 """Prefixes that people write before any unit; before others a word is rather one that Pint takes apart: ``Grad``."""
@@ -298,7 +313,7 @@ _MARKS = re.compile(r"\s*([/*·⋅×]|(?<!\d)\.|(?<=[A-Za-z])-(?=[A-Za-z])|\s)\s
 
 @lru_cache(maxsize=512)
 def readings(unit: str) -> tuple[Reading, ...]:
-    """What a unit may mean, the likeliest first; nothing where it is not known: ``[0/1]``, ``[degC]``, ``[counts]``."""
+    """What a unit may mean, the likeliest first; nothing where it is not known: ``[0/1]``, ``[counts]``."""
     if re.fullmatch(r"[\d.]+", unit.strip()) and unit.strip() != "1":
         return ()
     text = unit.strip().translate(_SUPERSCRIPTS).replace("Ω", "Ohm").replace("Ω", "Ohm")
@@ -399,7 +414,17 @@ def _times(dimension: Dimension, power: int) -> Dimension:
 def is_si(unit: str) -> bool:
     """True for no unit and for a coherent SI unit, whose values need no conversion."""
     parsed = [parse(choice) for choice in unit.split(" or ")]
-    return not unit.strip() or all(one is not None and one[0] == 1.0 for one in parsed)
+    return not unit.strip() or all(one is not None and one[0] == 1.0 and not zero(unit) for one in parsed)
+
+
+def is_temperature(unit: str) -> bool:
+    """Whether a unit is one of temperature."""
+    return any(dimension == (0, 0, 0, 0, 1, 0) for _, dimension in readings(unit))
+
+
+def zero(unit: str) -> float:
+    """What a unit's 0 is in SI units: 273.15 (K) of ``degC``, 0 of nearly every other."""
+    return _ZEROS.get(re.sub(r"[\s_]", "", unit).lower(), 0.0)
 
 
 def conversion(found: str, wanted: str) -> tuple[float, str] | None:

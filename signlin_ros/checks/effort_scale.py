@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -19,13 +20,25 @@ POLYNOMIAL_SAMPLES, ORDER = 7, 2
 MIN_FACTOR_CORRELATION = 0.6
 """Squared correlation of both sides of the equation from which on its factor is known: regressed on each other either
 way they differ by as much, and it lies in between [Frisch, Statistical Confluence Analysis, 1934]."""
+FRICTION_AND_LOAD = 3
+"""Columns of the equation up to which dry friction and a load go, behind the model's own force."""
 CLEAR = 0.1
 """Part of the usual speed (RMS) from which on the direction is."""
 
 
-def effort_scale(looks: Sequence[Look]) -> float | None:
+@dataclass(frozen=True)
+class EffortScale:
+    """By what the first input of records is to be divided, None where that is not known; ``resisted``: what dry
+    friction and a load alone leave of it, as a share.
+    """
+
+    factor: float | None
+    resisted: float
+
+
+def effort_scale(looks: Sequence[Look]) -> EffortScale | None:
     """Return by what the first input of records is to be divided so that it moves the model's inertia against its own
-    forces, dry friction, a load and gravity, of whatever size; None where the input is no force, or that is not known.
+    forces, dry friction, a load and gravity, of whatever size; None where the input is no force.
 
     The equation error, by least squares [Ljung, System Identification, 1999, ch. 7]. An observer that follows a record
     tells a factor only to two or three where dry friction makes up for the rest.
@@ -37,10 +50,17 @@ def effort_scale(looks: Sequence[Look]) -> float | None:
     if y.size < MIN_SAMPLES * A.shape[1]:
         return None
     own, rest = A[:, 0], A[:, 1:]
+    resisted = _left(A[:, 1:FRICTION_AND_LOAD], y)
     own, y = (x - rest @ np.linalg.lstsq(rest, x, rcond=None)[0] for x in (own, y))
     both, most = float(own @ y), float(y @ y)
     known = both * both > max(MIN_FACTOR_CORRELATION * most * float(own @ own), 0.0)
-    return both / float(own @ own) if known else None
+    return EffortScale(both / float(own @ own) if known else None, resisted)
+
+
+def _left(A: Array, y: Array) -> float:
+    """Return the share (RMS) that least squares on A (K, n) leave of y (K,)."""
+    left = y - A @ np.linalg.lstsq(A, y, rcond=None)[0]
+    return float(np.sqrt((left @ left) / max(float(y @ y), 1e-300)))
 
 
 def _equation(look: Look) -> tuple[Array, Array] | None:
@@ -87,4 +107,4 @@ def _filled(t: Array, y: Array) -> Array:
     return np.interp(t, t[good], y[good]) if good.any() else np.zeros(t.size)
 
 
-__all__ = ["effort_scale"]
+__all__ = ["EffortScale", "effort_scale"]

@@ -19,12 +19,14 @@ from signlin_ros.checks.position_velocity import PositionVelocity
 from signlin_ros.checks.repeated_values import RepeatedValues
 from signlin_ros.checks.short_record import ShortRecord
 from signlin_ros.checks.slow_sampling import SlowSampling
+from signlin_ros.checks.spare_temperature import SpareTemperature
 from signlin_ros.checks.sparse_channel import SparseChannel
 from signlin_ros.checks.speed_command import SpeedCommand
 from signlin_ros.checks.time_unit import TimeUnit
 from signlin_ros.checks.two_sources import TwoSources
 from signlin_ros.checks.unit_or_sign import UnitOrSign
 from signlin_ros.checks.unsigned_input import UnsignedInput
+from signlin_ros.checks.unsigned_speed import UnsignedSpeed
 from signlin_ros.checks.wild_samples import WildSamples
 from signlin_ros.checks.wrapped_angle import WrappedAngle
 
@@ -41,6 +43,7 @@ CHECKS: tuple[type[Check], ...] = (
     NoMotion,
     TimeUnit,
     UnsignedInput,
+    UnsignedSpeed,
     PositionCommand,
     SpeedCommand,
     Exchanged,
@@ -53,6 +56,7 @@ CHECKS: tuple[type[Check], ...] = (
     ShortRecord,
     Excitation,
     LoopOutput,
+    SpareTemperature,
 )
 
 __all__ = ["CHECKS"]

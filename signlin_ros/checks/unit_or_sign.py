@@ -36,6 +36,9 @@ GUESS = 0.5
 refuse."""
 MAX_GUESS = math.log(10.0)
 """Logarithm of the factor by which nobody guesses wrong."""
+MAX_FRICTION_RATIO = 50.0
+"""Times all that the model knows of that dry friction may be: of a drive that needs more, nobody would model the rest.
+"""
 TOLERANCE_PARTS = (-1.0, -0.5, 0.5, 1.0)
 """Of its tolerance, by which a guess may be off."""
 
@@ -145,16 +148,36 @@ def _guessed(model: Model) -> bool:
 def _by_force(
     looks: Sequence[Look], p: LinearPrediction | Together, fits: list[tuple[float, Reading]]
 ) -> list[tuple[float, Reading]]:
-    """Return readings without units of an effort that its forces contradict: with the factor that these tell."""
+    """Return readings without units of an effort that its forces contradict: with the factor that these tell. Where
+    dry friction and a load explain the effort as well as another unit would, their unknown size tells nothing of its
+    own, nor of a factor of the motion, which says the same: without either.
+    """
     name = next(iter(looks[0].record.inputs), "")
-    of_effort = [one for one in fits if tuple(one[1].divided) == (name,) and not one[1].only_sign]
-    scale = effort_scale(looks) if of_effort else None
-    if scale is None:
+    found = effort_scale(looks) if any(not r.only_sign for _, r in fits) else None
+    if found is None:
         return fits
-    kept = [(left, r) for left, r in fits if tuple(r.divided) != (name,) or _near(r.divided[name], scale)]
-    if kept and not all(r.far_fetched for _, r in kept):
+    scale = found.factor
+    if scale is None:
+        unknown = found.resisted < MAX_ERROR_RATIO
+        return [(left, r) for left, r in fits if r.only_sign or not (unknown and _may_be_friction(_times(r, name)))]
+    of_effort = [one for one in fits if tuple(one[1].divided) == (name,) and not one[1].only_sign]
+    alone = len({looks[0].position, looks[0].velocity} & {*p.channels}) == 1  # its factor is one over the effort's
+    other = [one for one in fits if one[1].far_fetched and (alone or len(one[1].divided) > 1)]
+    kept = [one for one in fits if one not in (*of_effort, *other) or _near(_times(one[1], name), scale)]
+    if not of_effort or (kept and not all(r.far_fetched for _, r in kept)):
         return kept
     return [*(one for one in kept if one not in of_effort), (p.left({name: 1.0 / scale}), gear(looks[0], name, scale))]
+
+
+def _times(r: Reading, effort: str) -> float:
+    """Return by what a reading makes the effort smaller beside the motion, of which it may make two signals larger."""
+    motions = [factor for name, factor in r.divided.items() if name != effort]
+    return r.divided.get(effort, 1.0) / math.prod(map(abs, motions)) ** (1.0 / max(len(motions), 1))
+
+
+def _may_be_friction(times: float) -> bool:
+    """Tell whether dry friction may be so many times the model's own forces."""
+    return 1.0 / MAX_FRICTION_RATIO < abs(times) < MAX_FRICTION_RATIO
 
 
 def _near(factor: float, scale: float) -> bool:

@@ -23,7 +23,7 @@ class TemperatureDependentFriction(Effect):
     )
     experiment = "record the temperature from a cold start on, moving to and fro at several speeds"
     dissipative = True
-    proposed = False  # the temperature is an input, which the model must have before a record is read
+    start = ({"mu": 0.1, "b": 0.05, "a_c": 0.01, "a_v": 0.01, "T_0": 293.15},)
 
     mu = Par("F", nominal=0.03, doc="dry friction at T_0")
     b = Par("F·s/Q", nominal=1e-3, doc="viscous friction at T_0")

@@ -11,10 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
+from signlin_ros import units
+from signlin_ros.apart import split
 from signlin_ros.errors import RecordError
 from signlin_ros.model import Model
+from signlin_ros.recording.trace import TEMPERATURE
 from signlin_ros.records import ModelData, read_runs
 from signlin_ros.records.clean import gaps
+from signlin_ros.records.header import heading
 from signlin_ros.simulation import interpolated
 
 Array = NDArray[np.float64]
@@ -60,7 +64,8 @@ def load_records(
 ) -> tuple[Model, list[ModelData]]:
     """Read one record or several for a model; a file in which the time begins anew holds several.
 
-    A motor whose position is recorded gets it as a state, so that it is compared too.
+    A motor whose position is recorded gets it as a state, so that it is compared too; a temperature that is mapped, or
+    recorded under that name in a unit of its own, becomes an input.
     """
     wider, data, _ = load_sides(model, [paths] if isinstance(paths, (str, os.PathLike)) else paths, (), signals)
     return wider, data
@@ -73,6 +78,8 @@ def load_sides(
     signals: Mapping[str, str] | None = None,
 ) -> tuple[Model, list[ModelData], list[ModelData] | None]:
     """Read records to fit to and records for validation (None if there are none), as `load_records` does."""
+    if any(split(key)[1] == TEMPERATURE for key in signals or {}):
+        model = with_temperature(model)
     optional = model.plant.position_optional and model.plant.position not in model.states
     wider = model.with_options(with_position=True) if optional else model
 
@@ -82,7 +89,21 @@ def load_sides(
     first, second = read(wider)
     if optional and not all(model.plant.position in d.measured for d in (*first, *second)):
         wider, (first, second) = model, read(model)
+    if TEMPERATURE not in model.inputs and all(map(holds_temperature, (*first, *second))):
+        wider = with_temperature(wider)
+        first, second = read(wider)
     return wider, first, second or None
+
+
+def with_temperature(model: Model) -> Model:
+    """Return the model with the temperature as an input."""
+    given = TEMPERATURE in model.inputs
+    return model if given else model.with_options(with_inputs=[*model.with_inputs, TEMPERATURE])
+
+
+def holds_temperature(record: ModelData) -> bool:
+    """Tell whether a record has a column of that name, in a unit of temperature, that nothing uses."""
+    return any(h.matches(TEMPERATURE) and units.is_temperature(h.unit) for h in map(heading, record.unused))
 
 
 def unit_asked(step: float) -> str:

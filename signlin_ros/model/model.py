@@ -23,7 +23,17 @@ from signlin_ros.model.reading import fields_of
 from signlin_ros.model.uses import EffectUse, effect_class, has_spring, is_sensor, nominal, own_name, slot
 from signlin_ros.par import Par, Pars, declared_name, gathered, place_of
 from signlin_ros.plants import Plant
-from signlin_ros.recording.trace import EffectSlot, Structure, Trace, delay_of, resolve_unit, rotary_unit, trace
+from signlin_ros.recording.trace import (
+    ROOM_TEMPERATURE,
+    TEMPERATURE,
+    EffectSlot,
+    Structure,
+    Trace,
+    delay_of,
+    resolve_unit,
+    rotary_unit,
+    trace,
+)
 from signlin_ros.sensors import Sensor
 
 
@@ -239,8 +249,14 @@ class Model:
             zeros=tuple(n for n in self.plant.zero_matters if self.parameters[n] == 0.0),
             slots=built_in + tuple(slot(key, use) for key, use in self.effects.items() if not is_sensor(use)),
             with_position=self.with_position or "position" in self.signals or self._senses_position,
-            optional_inputs=(*(("load_torque",) if self.with_load_torque else ()), *self.with_inputs),
+            optional_inputs=(*(("load_torque",) if self.with_load_torque else ()), *self._further_inputs),
         )
+
+    @property
+    def _further_inputs(self) -> tuple[str, ...]:
+        """The inputs that are asked for, and the temperature where its column is named."""
+        mapped = TEMPERATURE in self.signals and TEMPERATURE not in self.with_inputs
+        return (*self.with_inputs, TEMPERATURE) if mapped else self.with_inputs
 
     @property
     def trace(self) -> Trace:
@@ -423,7 +439,7 @@ class Model:
     @property
     def u0(self) -> NDArray[np.float64]:
         """The inputs (m,) where nothing is said of them: 0, or what the plant takes for one that is not recorded."""
-        known = self.plant.unrecorded(self.parameters)
+        known = {TEMPERATURE: ROOM_TEMPERATURE, **self.plant.unrecorded(self.parameters)}
         return np.array([known.get(name, 0.0) for name in self.inputs])
 
     @property

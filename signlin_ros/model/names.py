@@ -11,6 +11,7 @@ from signlin_ros.errors import ModelError, choices, suggest
 from signlin_ros.model.uses import effect_class
 from signlin_ros.names import TIME_NAMES
 from signlin_ros.par import declared_name
+from signlin_ros.recording.trace import TEMPERATURE
 
 if TYPE_CHECKING:
     from signlin_ros.model.model import Model
@@ -36,8 +37,9 @@ def check_axis(model: Model) -> None:
 def check_names(model: Model) -> None:
     """Check every option that names a state, an input or a parameter."""
     for name in model.with_inputs:
-        if name not in model.plant.optional_inputs:
-            known = f"{choices(model.plant.optional_inputs) or 'none'}{suggest(name, model.plant.optional_inputs)}"
+        optional = (*model.plant.optional_inputs, TEMPERATURE)
+        if name not in optional:
+            known = f"{choices(optional)}{suggest(name, optional)}"
             raise ModelError(f"with_inputs: {name!r} is no optional input of {model.plant.name}; there are: {known}")
     allowed = {"state_weights": model.states, "initial_state": model.states, "operating_range": None}
     for option, names in allowed.items():
@@ -81,7 +83,7 @@ def _signal_name(model: Model, name: str) -> str:
             f"signals: {name!r}: a model file says what holds for every record ({own}); what holds for {file!r} alone"
             f" is said on the command line: {said}"
         )
-    perhaps = name in (*model.plant.optional_inputs, *model.plant.sometimes, *model.parameters)
+    perhaps = name in (*model.plant.optional_inputs, *model.plant.sometimes, *model.parameters, TEMPERATURE)
     return name if perhaps else _state_name(model, "signals", name, None)
 
 

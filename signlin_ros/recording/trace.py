@@ -91,7 +91,9 @@ class _Coordinates:
 
 
 TEMPERATURE = "temperature"
-"""Input that is the temperature in K of the drive, as it is recorded."""
+"""Input of any plant that is the temperature in K of the drive: where an effect needs it, or a record holds it."""
+ROOM_TEMPERATURE = 293.15
+"""Taken where nothing is said of it, in K."""
 ROTARY_UNITS = {"N": "N·m", "m": "rad", "m/s": "rad/s", "kg": "kg·m²", "N·s/m": "N·m·s/rad", "N/m": "N·m/rad"}
 """Units of forces and displacements, and those of torques and angles in their place."""
 
@@ -172,7 +174,8 @@ class _Tracer:
 
     def _inputs(self) -> None:
         plant = self.structure.plant
-        units = {**plant.inputs, **{n: plant.optional_inputs[n] for n in self.structure.optional_inputs}}
+        optional = (n for n in self.structure.optional_inputs if n != TEMPERATURE)
+        units = {**plant.inputs, **{n: plant.optional_inputs[n] for n in optional}}
         self.input_symbols = {name: ca.SX.sym(name) for name in units}
         self.units.update(units)
         self.x.__dict__["_temperature"] = ca.SX.sym(TEMPERATURE)
@@ -241,7 +244,7 @@ class _Tracer:
             slot = entry[0]
             for name, rate in self._asked(entry, "rates", self._own(slot)).items():
                 results[plant.own_state_names.get(f"{slot.key}.{name}", f"{slot.key}.{name}")] = rate
-        if self.x.asked_temperature:  # an input of every plant, where an effect needs it
+        if self.x.asked_temperature or TEMPERATURE in self.structure.optional_inputs:  # an input of any plant
             self.input_symbols[TEMPERATURE], self.units[TEMPERATURE] = self.x.__dict__["_temperature"], "K"
         delay = sum((ca.SX(self._asked(entry, "delay")) for entry in self.effects), ca.SX(0))
         if plant.position_optional:

@@ -23,6 +23,8 @@ Array = npt.NDArray[np.float64]
 
 MAX_SI_VALUE = 1e15
 """Larger values, in SI units, are no measurements; squares of sums of them would overflow."""
+COLDEST = 150.0
+"""A temperature in K below which it is rather in another unit: nothing on Earth is as cold out of doors (184 K)."""
 MAX_HUGE_SHARE = 0.01
 """Share of such values up to which they are taken for missing: of a column that is full of them nothing is known."""
 NO_VALUE, CODE_DIGITS = (9.91e37, 9.9e37, 3.4028235e38, 1.7976931348623157e308), 1e-4
@@ -45,9 +47,11 @@ def converted(
     for name, key in chosen.items():
         signal, wanted = record.signals[key], model.units[name]
         unit, how = _how(record, name, key, wanted, name in formulas, turns)
-        values[name], unit_of[name] = units.scaled(signal.values, how[0]), how[1]
-        if how[0] != 1.0:
+        zero = units.zero(unit) if unit else 0.0
+        values[name], unit_of[name] = units.scaled(signal.values, how[0]) + zero, how[1]
+        if how[0] != 1.0 or zero:
             notes.append(Note(f"{name} is converted from {unit} to {how[1]}", "converted", name))
+        _check_temperature(record, name, signal, values[name], wanted)
         values[name] = _without_codes(name, signal.values, values[name], notes)
         values[name] = _without_huge(record, name, signal, values[name], notes)
         values[name] = _without_tiny(name, values[name], unit_of[name], notes)
@@ -61,6 +65,17 @@ def converted(
         notes.append(Note("the record is rotary (rad, N·m): so are the model's parameters", "assumed"))
         unit_of = {name: units.rotary(unit) for name, unit in unit_of.items()}
     return values, unit_of
+
+
+def _check_temperature(record: Record, name: str, signal: Signal, values: Array, wanted: str) -> None:
+    """Refuse a temperature in K that no drive has: what states no unit is most often in degrees Celsius."""
+    usual = float(np.nanmedian(values)) if wanted == "K" and np.isfinite(values).any() else COLDEST
+    if usual < COLDEST:
+        column = quoted(signal.label or name)
+        raise RecordError(
+            f"{record.source}: the {name} is {usual:.4g} K, as no drive is; if it is in degrees Celsius, "
+            f"say so: --signal '{name} = {column} [degC]'"
+        )
 
 
 def _assumed(record: Record, model: Model, chosen: Mapping[str, str], rotary: bool) -> list[Note]:

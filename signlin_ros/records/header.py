@@ -21,7 +21,7 @@ _FURTHER += " x_value sec secs seconds millis micros zeit date ms_today"
 _FURTHER += " temps tiempo tempo tijd tid czas cas čas aika uhrzeit heure hora ora klokkeslett"
 _FURTHER += " idő zaman время час 时间 時間 時刻 时刻 시간"
 _TIMES = (*TIME_NAMES, *_FURTHER.split())
-_TIME = re.compile(rf"(?:__|%)?(?P<name>{'|'.join(_TIMES)})(?:\(\))?(?:_(?P<unit>s|sec|ms|us|ns))?\Z", re.IGNORECASE)
+_TIME = re.compile(rf"(?:__?|%)?(?P<name>{'|'.join(_TIMES)})(?:\(\))?(?:_(?P<unit>s|sec|ms|us|ns))?\Z", re.IGNORECASE)
 _TIME_UNITS = {"ms_today": "ms", "millis": "ms", "micros": "us", "sec": "s", "secs": "s", "seconds": "s"}
 _WIDE = {0xFF01 + k: 0x21 + k for k in range(94)} | {0x3000: " ", 0x3010: "[", 0x3011: "]"}
 """Signs of the width of Chinese ones, as brackets around a unit are often written: those of ASCII."""
@@ -35,7 +35,7 @@ _SAFE += (
 )
 _SAFE += "|(?:k?rad|mrad|deg|rev|turns?|m|mm|cm|um|in|ft|km)_(?:per_)?(?:s2?|sec|min|h)|rad_per_sec|n_m|vrms|arms"
 _SAFE += "|(?:tr|tours?|rot|giri|obr|umdr|(?-i:U))_(?:per_)?(?:s|min)"
-_SAFE += "|upm|grad|newtons?|meters?|metres?|degrees|radians|milliamps|millivolts|celsius|percent|kg|g"
+_SAFE += "|upm|grad|newtons?|meters?|metres?|degrees|radians|milliamps|millivolts|celsius|deg[cf]|percent|kg|g"
 _SUFFIX = re.compile(rf"(?P<name>.*?[^_])_(?:in_)?(?P<unit>{_SAFE}|[vanmsVANms])\Z", re.IGNORECASE)
 _WHOLE = re.compile(
     r"(?i:k?rpm|rev/min|rps|dps|deg(?:rees?)?(?:/s)?|rad/s|radps|mrad|turns/s|[mc]m/s|km/h|kmh)|[mc]m|m[AV]|kN|kgf|lbf"

@@ -45,7 +45,7 @@ class ModelData:
     x0 : (n,), the state at t[0] where the first row holds all of it, else None.
     inputs, states : the model's names.
     units : name -> unit of the inputs and measurements; rotary (rad, N·m) where a rotary record drives a
-        translational model. unused : columns of the record that the model has no use for. notes : what was
+        translational model. unused : heads of the columns that the model has no use for. notes : what was
         done to the data, one sentence each. acts : (T,) s, from when each row of u acts, where the inputs have a
         clock of their own; None: from its own sample on. labels : name -> the column's head or the path in a bag that
         it was read from; records with the same are one log's, however many files that is.
@@ -161,7 +161,7 @@ def for_model(
         states=tuple(model.states),
         units=unit_of,
         source=record.source,
-        unused=tuple(name for name in record.signals if name not in chosen.values()),
+        unused=tuple(record.labels.get(name, name) for name in record.signals if name not in chosen.values()),
         notes=(*record.notes, *notes),
         acts=None if record.acts is None else frozen(record.acts),
         labels={name: record.labels.get(key, key) for name, key in chosen.items()},

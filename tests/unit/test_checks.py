@@ -1081,3 +1081,56 @@ def test_a_unit_that_one_of_two_files_contradicts_holds_for_the_other_alone() ->
     cured = check(model, [first, replace(data, source="b.csv")], ("speed_in_rpm",))[0]
     for one in cured:
         np.testing.assert_allclose(one.measured["speed"], data.measured["speed"])
+
+
+def stuck(stick: float, slide: float, quickly: float) -> tuple[Model, ModelData]:
+    """Return a light axis without friction, and a record of one that moves against friction only, in steps."""
+    base = Model.from_dict(
+        {"plant": "mass_spring_damper", "parameters": {"m": 1.8, "c": 300.0, "k": 0.0}, "axis": "linear"}
+    )
+    t = np.arange(4000) * STEP
+    rng = np.random.default_rng(5)
+    v = 0.006 * np.repeat(rng.uniform(-1.0, 1.0, 20), 200) ** 3
+    v = np.convolve(v, np.ones(20) / 20, "same")
+    x = np.cumsum(v) * STEP
+    force = (
+        1.8 * np.gradient(v, STEP) + 300.0 * v + np.sign(v) * (slide + (stick - slide) * np.exp(-((v / quickly) ** 2)))
+    )
+    force = np.where(np.abs(v) < 1e-5, 0.7 * stick * np.sin(t), force) + 0.1 * rng.normal(size=t.size)
+    shown = {"displacement": 5e-7 * np.round(x / 5e-7)}
+    units = {**base.units}
+    return base, ModelData(t, force[:, None], shown, None, base.inputs, base.states, units, "run.csv")
+
+
+@pytest.mark.parametrize("slide", [9.0, 14.0])
+def test_friction_that_is_most_of_the_force_tells_of_no_unit(slide):
+    """A syringe pump was offered "the force divided by 17.8", a valve "in kgf·cm"."""
+    base, data = stuck(14.0, slide, 0.0008)
+    assert "unit_or_sign" not in found(base, data)[1]
+
+
+def unsigned_motor(with_position: bool) -> tuple[Model, ModelData]:
+    base, data = motor()
+    measured = {**data.measured, "speed": np.abs(data.measured["speed"])}
+    if with_position:
+        return base, replace(data, measured=measured)
+    base = base.with_options(with_position=False)
+    return base, replace(data, measured={"speed": measured["speed"]}, states=base.states)
+
+
+@pytest.mark.parametrize("with_position", [False, True])
+def test_a_speed_without_a_direction_is_refused(with_position):
+    base, data = unsigned_motor(with_position)
+    told = found(base, data)[1]["unsigned_speed"]
+    assert (told.severity, told.channel) == ("refuse", "speed")
+    assert "no direction" in told.sentence
+    assert told.cure == ("leave_out_speed" if with_position else "")
+
+
+def test_a_speed_that_goes_one_way_is_none_without_a_direction():
+    base, _ = motor()
+    for u in (8.0 + multisine(0.5), np.where(np.arange(SAMPLES) // 200 % 2, -1.5, 8.0)):
+        data = record(base.with_effect("coulomb_friction", mu=0.033), u)
+        one_way = {**data.measured, "speed": np.maximum(data.measured["speed"], 0.0)}
+        for measured in (one_way, {"speed": one_way["speed"]}):
+            assert "unsigned_speed" not in found(base, replace(data, measured=measured))[1]

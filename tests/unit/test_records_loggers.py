@@ -203,3 +203,37 @@ def test_a_line_beyond_any_limit_is_refused_with_its_place(tmp_path: Path) -> No
     file.write_text("\n".join(["t,a,b", *rows[:20], "x" * 140_000, *rows[20:]]) + "\n")
     with pytest.raises(RecordError, match=r"row 21 \(line 22\) has 1 cells, the header 3 columns"):
         read_record(file)
+
+
+def test_an_index_of_elapsed_times_without_a_name_is_the_time(tmp_path: Path) -> None:
+    """pandas writes a table whose index is a TimedeltaIndex so."""
+    rows = [f"0 days 00:00:{0.05 * k:09.6f},{k},{k % 5}" for k in range(30)]
+    file = tmp_path / "run.csv"
+    file.write_text("\n".join([",voltage,speed", *rows]) + "\n", encoding="utf-8")
+    found = read_record(file)
+    np.testing.assert_allclose(found.t, 0.05 * np.arange(30), atol=1e-9)
+    assert set(found.signals) == {"voltage", "speed"}
+
+
+def test_a_clock_with_a_semicolon_before_its_milliseconds(tmp_path: Path) -> None:
+    """Trends of programmable controllers: a date, and 09:26:53;005."""
+    rows = [f'"Data","3/14/2025","09:26:53;{5 * k:03d}",{k},{k % 5}' for k in range(30)]
+    file = tmp_path / "run.csv"
+    file.write_text("\n".join(['"Header:","Date","Time","voltage","speed"', *rows]) + "\n", encoding="utf-8")
+    np.testing.assert_allclose(read_record(file).t, 0.005 * np.arange(30), atol=1e-9)
+
+
+def test_one_field_after_the_other_of_a_data_base(tmp_path: Path) -> None:
+    """The annotated CSV of a time-series database: all rows of one field, then all of the next, of the same stamps."""
+    stamps = [f"2025-03-14T09:26:{0.05 * k:09.6f}Z" for k in range(30)]
+    body = [f",,{f},{s},{f + 0.1 * k},{n}" for f, n in enumerate(("voltage", "speed")) for k, s in enumerate(stamps)]
+    head = ["#datatype,string,long,dateTime:RFC3339,double,string", ",result,table,_time,_value,_field"]
+    file = tmp_path / "run.csv"
+    file.write_text("\n".join([*head, *body]) + "\n", encoding="utf-8")
+    found = read_record(file)
+    np.testing.assert_allclose(found.t, 0.05 * np.arange(30), atol=1e-9)
+    for f, name in enumerate(("voltage", "speed")):
+        np.testing.assert_allclose(found.signals[f"{name}._value"].values, f + 0.1 * np.arange(30), atol=1e-12)
+    cut = tmp_path / "cut.csv"  # of another length: runs, or text that is left out, but nothing is mixed
+    cut.write_text("\n".join([*head, *body[:-3]]) + "\n", encoding="utf-8")
+    assert "voltage._value" not in read_record(cut).signals

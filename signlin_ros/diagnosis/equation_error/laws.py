@@ -246,6 +246,8 @@ def _law(model: Model, name: str, effect: type[Effect]) -> LawRegressor | None:
         return None
     try:
         wider = model.with_effect(name, KEY)
+        if wider.inputs != model.inputs:  # the record lacks what it depends on
+            return None
         parts = parts_of(wider.structure)
     except SignlinError:
         return None

@@ -89,7 +89,8 @@ def _trials(problem: Problem, name: str, asked: bool) -> list[Trial]:
         return []  # what is imposed is measured, not commanded
     starts = tuple(_starts(problem, effect))
     with suppress(ModelError):  # the plant cannot have it
-        if starts and base.with_effect(name, key=free_key(base, name), **starts[0]).trace:
+        wider = base.with_effect(name, key=free_key(base, name), **starts[0]) if starts else None
+        if wider is not None and wider.inputs == base.inputs:  # else the record lacks what it depends on
             return [Trial(name, starts), *_seen_loads(problem, effect)]
     return []
 

@@ -297,7 +297,8 @@ def _column(
     times = times_of_day(found) if keep is True or untimed else None
     if times is not None:
         notes.append(Note(f"{head.label!r} holds {times.what}; it counts in s from {times.start}", "clock", head.label))
-        return replace(head, unit="s"), times.seconds
+        named = head if head.label else replace(head, label="time", name="time")
+        return replace(named, unit="s"), times.seconds
     told = directions(found) if keep is True else None
     if told is not None:
         notes.append(Note(f"column {head.label!r} holds directions: {told.said}", "mapped", head.label))

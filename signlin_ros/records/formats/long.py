@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from signlin_ros.records.formats.cells import is_number
 from signlin_ros.records.formats.labels import header_cell
 from signlin_ros.records.formats.layout import Layout
-from signlin_ros.records.header import clock, heading
+from signlin_ros.records.header import Heading, clock, heading
 from signlin_ros.records.notes import Note
 
 Cells = NDArray[np.str_]
@@ -26,6 +26,7 @@ def widened(shape: Layout) -> Layout:
     """Return a table with one row for each stamp where every stamp has a row for each of the same names or numbers,
     ``joint`` 1 and 2 in turn; its columns are ``joint1.torque``, ``joint2.torque``; others as they are.
     """
+    shape = _interleaved(shape)
     place = _rows_at_a_stamp(shape)
     if place is None:
         return shape
@@ -40,7 +41,7 @@ def widened(shape: Layout) -> Layout:
     groups = np.take_along_axis(groups, order[:, :, None], axis=1)
     label = heading(shape.header[column]).name
     called = [f"{label}{value}" if is_number(value) else value for value in values]
-    others = [k for k in range(rows.shape[1]) if k not in (at, column)]
+    others = [k for k in range(rows.shape[1]) if k not in (at, column) and shape.header[k]]
     header = [shape.header[at], *(f"{name}.{shape.header[k]}" for name in called for k in others)]
     wide = np.concatenate([groups[:, :1, at], groups[:, :, others].reshape(len(groups), -1)], axis=1)
     lines = [shape.separator.join(map(header_cell, row)) for row in wide.tolist()]
@@ -53,7 +54,39 @@ def widened(shape: Layout) -> Layout:
 
 def is_long(shape: Layout) -> bool:
     """Tell whether the first rows of a table are those of a long one."""
-    return _rows_at_a_stamp(shape) is not None
+    return _rows_at_a_stamp(_interleaved(shape)) is not None
+
+
+def _interleaved(shape: Layout) -> Layout:
+    """Return a table that holds one block of rows for each of some names, all of the same stamps (a database's answer,
+    a field after the other), with the rows of each stamp together; others as they are.
+    """
+    timed = clock([heading(label, i + 1) for i, label in enumerate(shape.header)])
+    if timed is None or not shape.named or shape.separator == " " or shape.runs or len(shape.body) < 2 * GROUPS_LOOKED:
+        return shape
+    ends = _rows(replace(shape, body=[shape.body[0], shape.body[-1]]), 2)
+    if ends is None or not any(
+        a != b and not is_number(a) for a, b in zip(*ends[:, _others(ends, timed)], strict=True)
+    ):
+        return shape
+    rows, at = _rows(shape, len(shape.body)), timed.number - 1
+    if rows is None:
+        return shape
+    for column in range(len(shape.header)):
+        values = rows[:, column]
+        starts = np.concatenate([[0], np.flatnonzero(values[1:] != values[:-1]) + 1])
+        size, count = len(rows) // starts.size, starts.size
+        if column == at or is_number(values[0]) or not 1 < count <= MAX_JOINTS or size * count != len(rows):
+            continue
+        stamps = rows[:, at].reshape(count, size)
+        if np.array_equal(starts, np.arange(count) * size) and np.all(stamps == stamps[0]):
+            order = np.arange(len(rows)).reshape(count, size).T.ravel()
+            return replace(shape, body=[shape.body[i] for i in order], numbers=shape.numbers[order])
+    return shape
+
+
+def _others(rows: Cells, timed: Heading) -> list[int]:
+    return [k for k in range(rows.shape[1]) if k != timed.number - 1]
 
 
 def _rows_at_a_stamp(shape: Layout) -> tuple[int, int] | None:
@@ -83,7 +116,7 @@ def _names_of(rows: Cells, at: int, count: int) -> tuple[int, list[str]] | None:
         return None
     if np.any(groups[1:, 0, at] == groups[:-1, 0, at]):
         return None
-    for column in range(rows.shape[1]):
+    for column in sorted(range(rows.shape[1]), key=lambda k: is_number(rows[0, k])):  # names before numbers
         values = np.sort(groups[:, :, column], axis=1)
         distinct = np.unique(values[0]).size == count and np.all(values == values[0])
         whole = all(not is_number(value) or value.lstrip("+-").isdigit() for value in values[0])

@@ -13,10 +13,11 @@ Array = npt.NDArray[np.float64]
 
 _DATE = r"(?:(?P<first>\d{1,4})(?P<mark>[-/.])(?P<second>\d{1,2})(?P=mark)(?P<third>\d{1,4})[T ]\s*)?"
 _CLOCK = (
-    r"(?P<hour>\d{1,3}):(?P<minute>\d\d)(?::(?P<second_of>\d\d)(?:[.,](?P<part>\d+))?|(?:[.,](?P<minutes_part>\d+)))?"
+    r"(?P<hour>\d{1,3}):(?P<minute>\d\d)(?::(?P<second_of>\d\d)(?:[.,;](?P<part>\d+))?|(?:[.,](?P<minutes_part>\d+)))?"
 )
+_ELAPSED = r"(?:(?P<days>\d+) days? )?"
 _REST = r"\s*(?P<half>[AaPp][Mm])?\s*(?P<zone>Z|UTC|[-+]\d\d:?\d\d)?"
-_STAMP = re.compile(rf"^\s*{_DATE}{_CLOCK}{_REST}\s*$", re.MULTILINE)
+_STAMP = re.compile(rf"^\s*{_DATE}{_ELAPSED}{_CLOCK}{_REST}\s*$", re.MULTILINE)
 _DAY = 86400.0
 
 _FORWARD = "f fw fwd forward forwards + +1 ccw right up on true open out positive pos p high vor vorw"
@@ -47,7 +48,8 @@ def times_of_day(cells: Sequence[str]) -> StampTimes | None:
     """Dates and times, or times of day, as seconds since the first; None where any cell is neither.
 
     ISO 8601 (with or without a zone), ``09.11.2025 09:27:03,010``, ``11/9/2025 9:27:03 PM``, ``27:03.5`` (minutes and
-    seconds). Where a time of day has no date, one that falls by half a day or more begins the next day.
+    seconds), ``09:27:03;010``, ``0 days 00:00:01.5`` (elapsed). Where a time of day has no date, one that falls by half
+    a day or more begins the next day.
     """
     found = _STAMP.findall("\n".join(cells))
     if len(found) != len(cells) or not found:
@@ -73,7 +75,8 @@ def _seconds(columns: dict[str, tuple[str, ...]]) -> Array:
         rest = np.array([f"0.{text or '0'}" for text in columns["minutes_part"]], dtype=np.float64)
         if any(columns["minutes_part"]):
             return hour * 60.0 + minute + rest
-    return hour * 3600.0 + minute * 60.0 + second + part
+    elapsed = np.array([text or "0" for text in columns["days"]], dtype=np.float64)
+    return elapsed * _DAY + hour * 3600.0 + minute * 60.0 + second + part
 
 
 def _days(columns: dict[str, tuple[str, ...]]) -> Array | None:
