@@ -19,9 +19,11 @@ Pairs = Sequence[tuple[Look, Array, Array]]
 """For each record: what is known of it, the input (T,) and the channel (T,)."""
 
 FORCE = re.compile(
-    r"forc|torq|effort|tau|moment|kraft|curr|strom|load|volt|spann|pwm|duty|\bu\b|^[fiuvm]$", re.IGNORECASE
+    r"forc|torq|effort|tau|moment|kraft|curr|strom|load|volt|spann|pwm|duty|amp|press|druck"
+    r"|\bu\b|\bi_?(?:[qdabm]|cmd|meas|ref)?\b|\bp_?(?:[ab12]|k?pa|bar)\b|^[fvm]$",
+    re.IGNORECASE,
 )
-"""What columns of forces, currents and voltages are called: these are believed longer."""
+"""What columns of forces, currents, pressures and voltages are called, also in a formula: these are believed longer."""
 MAX_COMMAND_RESIDUAL, MAX_GAIN_ERROR, LATE = 0.05, 0.1, 0.5
 """What the input's own number, late by a lag and a delay of at most so many s, leaves of the position's square; by how
 much the gain may differ from 1."""

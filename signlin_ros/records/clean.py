@@ -209,7 +209,8 @@ def _named_apart(table: RawTable) -> RawTable:
             said = f"column {head.label!r} is there twice, alike: one is left out"
             notes.append(Note(said, "repeated", head.label))
             continue
-        number = f" (column {head.number or i + 1})" if before != i else ""
+        alone = sum(other.label == head.label for other in table.headings) == 1 or _same(table, head.label)
+        number = "" if alone else f" (column {head.number or i + 1})"
         kept.append(i)
         headings.append(replace(head, label=f"{head.label}{number}"))
     twice = {head.label for i, head in zip(kept, headings, strict=True) if head.label != table.headings[i].label}
@@ -218,6 +219,12 @@ def _named_apart(table: RawTable) -> RawTable:
             Note(f"two columns have one name: {', '.join(map(repr, sorted(twice)))} are called so here", "format")
         )
     return replace(table, headings=headings, columns=[table.columns[i] for i in kept], notes=(*table.notes, *notes))
+
+
+def _same(table: RawTable, label: str) -> bool:
+    """Tell whether all columns of a label are the same."""
+    first, *others = (column for head, column in zip(table.headings, table.columns, strict=True) if head.label == label)
+    return all(np.array_equal(first, other, equal_nan=True) for other in others)
 
 
 def _without_repeats(table: RawTable, t: Array) -> tuple[RawTable, Array]:

@@ -57,7 +57,9 @@ def test_a_command_of_position_in_units_of_its_own(gain: float) -> None:
     assert f"{gain:.3g} times the number of the force (column 'pulse_us')" in found.sentence
 
 
-@pytest.mark.parametrize("label", ["pulse [N·m]", "motor torque", "force"])
+@pytest.mark.parametrize(
+    "label", ["pulse [N·m]", "motor torque", "force", "0.045 * iq", "14.4 * i_q", "37.0 * p_kPa", "2 * (pA - pB)"]
+)
 def test_what_is_called_a_force_may_push_against_a_spring(label: str) -> None:
     model = DRIVE.with_parameters(k=0.6)
     u = steps(0.5)

@@ -237,3 +237,22 @@ def test_one_field_after_the_other_of_a_data_base(tmp_path: Path) -> None:
     cut = tmp_path / "cut.csv"  # of another length: runs, or text that is left out, but nothing is mixed
     cut.write_text("\n".join([*head, *body[:-3]]) + "\n", encoding="utf-8")
     assert "voltage._value" not in read_record(cut).signals
+
+
+def test_two_columns_of_one_name_that_differ_are_a_question(tmp_path: Path) -> None:
+    file = tmp_path / "run.csv"
+    rows = [f"{0.01 * k:g},{k % 7},{k % 5},{2 * (k % 5)}" for k in range(40)]
+    file.write_text("\n".join(["t,voltage,speed,speed", *rows]) + "\n", encoding="utf-8")
+    model = Model.load("dc_motor")
+    with pytest.raises(RecordError, match=r"'speed' is ambiguous: 'speed \(column 3\)', 'speed \(column 4\)'"):
+        read_for_model(file, model)
+    for spec in ("#4", "speed (column 4)"):
+        taken = read_for_model(file, model, {"speed": spec}).measured["speed"]
+        np.testing.assert_array_equal(taken, 2.0 * (np.arange(40) % 5))
+
+
+def test_a_pointer_of_a_store_of_large_files_is_called_so(tmp_path: Path) -> None:
+    file = tmp_path / "run.csv"
+    file.write_text("version https://git-lfs.github.com/spec/v1\noid sha256:4d7a2146\nsize 12345\n", encoding="utf-8")
+    with pytest.raises(RecordError, match="git lfs pull"):
+        read_record(file)

@@ -14,6 +14,8 @@ from collections.abc import Iterable, Sequence
 from signlin_ros.errors import RecordError
 from signlin_ros.records.notes import Note
 
+LFS_POINTER = "version https://git-lfs"
+"""What a file begins with that Git LFS keeps elsewhere."""
 LEGACY = {"euc_kr": "EUC-KR", "gb18030": "GB 18030", "cp932": "Shift-JIS", "big5": "Big5", "cp1251": "Windows-1251"}
 """Encodings that are tried before that of western Europe: Python's name, and the one in words. Korean syllables come
 first: they take half of what Chinese signs do."""
@@ -56,6 +58,8 @@ def decoded(raw: bytes, source: str, asked: Iterable[str] = ()) -> tuple[str, tu
                 notes = (*notes, Note(f"the text is read as {LEGACY[name]}", "format"))
     if "\0" in text:
         raise RecordError(f"{source}: this is no text file")
+    if text.startswith(LFS_POINTER):
+        raise RecordError(f"{source}: this is a pointer of Git LFS, not the file itself; get that with: git lfs pull")
     if "\r" in text:
         text = text.replace("\r\n", "\n").replace("\r", "\n")
     return text, notes
