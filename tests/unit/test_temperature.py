@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,8 @@ import pytest
 
 from signlin_ros import units
 from signlin_ros.checks import check
-from signlin_ros.errors import RecordError
+from signlin_ros.diagnosis import add, diagnose
+from signlin_ros.errors import InputError, RecordError
 from signlin_ros.follow.data import load_records
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
@@ -74,3 +76,53 @@ def test_a_model_that_names_the_column_has_the_input():
     warm = model.with_effect("temperature_dependent_friction")
     assert warm.without_effect("temperature_dependent_friction").inputs == model.inputs == warm.inputs
     assert model.u0.tolist() == [0.0, 293.15]
+
+
+def warmed(seed: int) -> ModelData:
+    """Return an axis whose dry friction falls by 1.5 % for each K while its oil warms up from 20 by 40 K."""
+    rng, step = np.random.default_rng(seed), 0.01
+    t = np.arange(2500) * step
+    u = np.repeat(rng.uniform(-9.0, 9.0, 50), 50)
+    kelvin = 40.0 * (1.0 - np.exp(-t / 8.0))
+    x, v, shown = 0.0, 0.0, np.empty((t.size, 2))
+    for k in range(t.size):
+        shown[k] = x, v
+        for _ in range(20):
+            free = v + step / 20 * (u[k] - 1.2 * v) / 0.8
+            stop = step / 20 * 3.0 * np.exp(-0.015 * kelvin[k]) / 0.8
+            v = float(np.sign(free) * max(abs(free) - stop, 0.0))
+            x += step / 20 * v
+    measured = {"displacement": shown[:, 0] + rng.normal(0.0, 1e-3, t.size)}
+    measured |= {"velocity": shown[:, 1] + rng.normal(0.0, 0.01, t.size)}
+    u = np.column_stack([u, kelvin + 293.15])
+    names = ("force", "temperature")
+    return ModelData(t, u, measured, None, names, ("displacement", "velocity"), {**BASE.units})
+
+
+BASE = Model.from_dict(
+    {
+        "plant": "mass_spring_damper",
+        "axis": "rotary",
+        "parameters": {"m": 0.8, "c": 1.2, "k": 0.0},
+        "with_inputs": ["temperature"],
+        "input_hold": "forward",
+    }
+)
+
+
+@pytest.mark.slow
+def test_friction_that_falls_as_the_oil_warms_up_is_named():
+    found = diagnose(BASE, warmed(1), warmed(2), jobs=2)
+    assert found.verdict == "missing"
+    assert "temperature_dependent_friction" in found.ladder[-1].effects
+    told = {name: shown.value for name, shown in found.parameters.items()}
+    assert told["temperature_dependent_friction.mu"] == pytest.approx(3.0, rel=0.05)
+    assert told["temperature_dependent_friction.a_c"] == pytest.approx(0.015, rel=0.1)
+
+
+def test_without_its_temperature_the_effect_says_what_it_needs():
+    data = warmed(1)
+    bare = BASE.with_options(with_inputs=[])
+    alone = replace(data, u=data.u[:, :1], inputs=("force",))
+    with pytest.raises(InputError, match=r"depends on the temperature.*--signal temperature=COLUMN"):
+        add("temperature_dependent_friction", bare, alone, alone)

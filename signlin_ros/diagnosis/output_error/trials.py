@@ -68,7 +68,7 @@ def trials(problem: Problem, names: Sequence[str] | None = None) -> list[Trial]:
     found = [one for name in every for one in _trials(problem, name, names is not None)]
     for name in set(names or ()) - {one.name for one in found}:
         has = any(use.type == name for use in problem.base.effects.values())
-        why = "the model has it already" if has else f"it does not apply to {problem.base.plant.name}"
+        why = "the model has it already" if has else _lacking(problem, name)
         raise InputError(f"effect {name!r} cannot be added: {why}")
     return found
 
@@ -93,6 +93,15 @@ def _trials(problem: Problem, name: str, asked: bool) -> list[Trial]:
         if wider is not None and wider.inputs == base.inputs:  # else the record lacks what it depends on
             return [Trial(name, starts), *_seen_loads(problem, effect)]
     return []
+
+
+def _lacking(problem: Problem, name: str) -> str:
+    """Return why an effect cannot be had: an input that it depends on is not recorded, or the plant has no such."""
+    with suppress(ModelError):
+        needed = [n for n in problem.base.with_effect(name).inputs if n not in problem.base.inputs]
+        if needed:
+            return f"it depends on the {needed[0]}, which is not read from the records: --signal {needed[0]}=COLUMN"
+    return f"it does not apply to {problem.base.plant.name}"
 
 
 def tryable(problem: Problem, name: str) -> bool:
