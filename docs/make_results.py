@@ -103,7 +103,8 @@ def drawn() -> str:
         "Truth and seed were written down before, but for the delays of a held command and of a filter, which were "
         "allowed where they were found, and a valve that hardly moved and was drawn again. First answers of "
         f"{len(before)}: {first}. What they showed was mended (windings that settle within a sample, loads behind "
-        f"couplings, a temperature that was recorded, a speed without a sign); answers after that: {now}. *Part*: a true name is told, but not confirmed or not alone, or with "
+        f"couplings, a temperature that was recorded, a speed without a sign); answers after that: {now}. "
+        "*Part*: a true name is told, but not confirmed or not alone, or with "
         "a wrong value; *honest*: nothing is named. Not right:"
     )
     body = [

@@ -199,11 +199,12 @@ def _named_apart(table: RawTable) -> RawTable:
     first: dict[str, int] = {}
     kept, headings, notes = [], [], []
     for i, head in enumerate(table.headings):
-        if not head.label and i == 0 and np.array_equal(table.columns[0], np.arange(table.rows.number.size)):
+        if not head.label and i == 0 and _counts_rows(table.columns[0]):
             notes.append(Note("the first column counts the rows and is left out", "left_out"))
             continue
         if not head.label:
-            raise RecordError(f"{table.source}: column {head.number or i + 1} has values but no name")
+            where = f"column {head.number or i + 1}"
+            raise RecordError(f"{table.source}: {where} has values but no name; write one into the header")
         before = first.setdefault(head.label, i)
         if before != i and np.array_equal(table.columns[before], table.columns[i], equal_nan=True):
             said = f"column {head.label!r} is there twice, alike: one is left out"
@@ -219,6 +220,11 @@ def _named_apart(table: RawTable) -> RawTable:
             Note(f"two columns have one name: {', '.join(map(repr, sorted(twice)))} are called so here", "format")
         )
     return replace(table, headings=headings, columns=[table.columns[i] for i in kept], notes=(*table.notes, *notes))
+
+
+def _counts_rows(column: Array) -> bool:
+    """Tell whether a column counts the rows, from 0 or 1."""
+    return bool(column.size and column[0] in (0.0, 1.0) and np.all(np.diff(column) == 1.0))
 
 
 def _same(table: RawTable, label: str) -> bool:

@@ -28,6 +28,8 @@ Array = npt.NDArray[np.float64]
 _EPOCHS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _SINCE, _UNTIL = 1e9, 4.2e9
 """Times in s since 1970, 2001 to 2103."""
+_TICKS = (11_644_473_600.0, 62_135_596_800.0)
+"""From the years 1601 (file times of Windows) and 1 (ticks of .NET) to 1970, in s; both count in 100 ns."""
 _DATES = ((2e4, 8e4), (6.9e5, 7.7e5))
 """Dates of this time in days: of spreadsheets, since 1900 or 1904; of MATLAB, since the year 0."""
 _LONGEST_DATED_STEP = 1e-5
@@ -209,11 +211,13 @@ def _column(table: RawTable, head: Heading, unit: str) -> Times:
         how = units.conversion(found, "s") or (1.0, "s")
         if found == "day":
             notes.append(Note(f"{head.label!r} is taken for dates in days, as its numbers say", "clock", "t"))
+        elif found == "100ns":
+            notes.append(Note(f"{head.label!r} is taken for ticks of 100 ns, as its numbers say", "clock", "t"))
         elif found not in ("", "s"):
             notes.append(Note(f"{head.label!r} is taken for {found} since 1970, as its numbers say", "clock", "t"))
     begin = float(raw[0]) * how[0] if raw.size else 0.0
     counted = abs(begin) > CALENDAR and (how[0] != 1.0 or head.label in table.exact)
-    if counted and found != "day":
+    if counted and found not in ("day", "100ns"):
         notes.append(Note(f"time counts from the first row, {begin:.3f} s after 1970", "clock", "t"))
     t = units.scaled(from_first if counted else raw, how[0])
     if not found:
@@ -235,6 +239,8 @@ def _epoch(first: float, step: float) -> str:
     for unit, size in _EPOCHS.items():
         if _SINCE < first * size < _UNTIL and step * size < _SLOWEST:
             return unit
+    if any(_SINCE < first * 1e-7 - before < _UNTIL for before in _TICKS) and step * 1e-7 < _SLOWEST:
+        return "100ns"
     dated = any(least < first < most for least, most in _DATES)
     return "day" if dated and 0.0 < step < _LONGEST_DATED_STEP else ""
 

@@ -256,3 +256,29 @@ def test_a_pointer_of_a_store_of_large_files_is_called_so(tmp_path: Path) -> Non
     file.write_text("version https://git-lfs.github.com/spec/v1\noid sha256:4d7a2146\nsize 12345\n", encoding="utf-8")
     with pytest.raises(RecordError, match="git lfs pull"):
         read_record(file)
+
+
+@pytest.mark.parametrize(
+    ("head", "row"),
+    [
+        pytest.param("Timestamp,voltage,speed", "{ticks},{u},{w}", id="file times of Windows, in 100 ns since 1601"),
+        pytest.param("Timestamp,voltage,speed", "{net},{u},{w}", id="ticks of .NET, in 100 ns since the year 1"),
+        pytest.param('"",time,voltage,speed', '"{number}",{t:g},{u},{w}', id="names of rows, from 1, as R writes them"),
+        pytest.param("t,voltage,speed\ns,V,rad/s\nf8,f8,f8", "{t:g},{u},{w}", id="types below the units"),
+        pytest.param("t,voltage,speed\nREAL,LREAL,REAL", "{t:g},{u},{w}", id="types below the names"),
+        pytest.param(
+            "t,voltage,other,speed", "{t:g},{u},missing,{w}", id="a value that is missing, as Julia writes it"
+        ),
+    ],
+)
+def test_further_tables(head: str, row: str, tmp_path: Path) -> None:
+    rows = []
+    for k in range(40):
+        ticks, u, w = 133_864_000_130_000_000 + 50_000 * k, k % 7, k % 5
+        rows.append(row.format(ticks=ticks, net=ticks + 504_911_232_000_000_000, number=k + 1, t=0.005 * k, u=u, w=w))
+    file = tmp_path / "run.csv"
+    file.write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
+    found = read_record(file)
+    np.testing.assert_allclose(found.t - found.t[0], 0.005 * np.arange(40), atol=1e-9)
+    np.testing.assert_array_equal(found.signals["voltage"].values, np.arange(40) % 7)
+    np.testing.assert_array_equal(found.signals["speed"].values, np.arange(40) % 5)

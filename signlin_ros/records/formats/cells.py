@@ -13,7 +13,7 @@ TEXT_SEPARATORS = ("\t", ";", ",", "|", " ")
 _SPREADSHEETS = "#n/a #na #nv #div/0! #value! #wert! #valeur! #valor! #valore! #ref! #bezug! #num! #zahl! #null! #name?"
 _INSTRUMENTS = "∞ +∞ -∞ ol o.l. overload overflow overrange ovf"
 EMPTY_CELLS = frozenset(
-    {"", "nan", "na", "n/a", "null", "none", "-", "--", "?", "-nan", "nan(ind)", "-nan(ind)"}
+    {"", "nan", "na", "n/a", "null", "none", "-", "--", "?", "-nan", "nan(ind)", "-nan(ind)", "missing", "<na>", "nil"}
     | {*_SPREADSHEETS.split(), *_INSTRUMENTS.split()}
 )
 """What a cell without a value holds, in small letters: the errors of spreadsheets and what instruments write beyond

@@ -59,6 +59,12 @@ class Layout:
     notes: tuple[Note, ...] = field(default=())
 
 
+_TYPE = re.compile(
+    r"(?i:[iuf][1248]|[us]?int(?:8|16|32|64)?|float(?:32|64)?|double|single|l?real|d?word|byte|u?[dls]int|numeric)"
+)
+"""What a row below the header may hold that says how each column is stored."""
+
+
 def layout(text: str, source: str) -> Layout:
     """Find the table in a text; raise `RecordError` where there is none."""
     ended = text.endswith("\n")
@@ -185,6 +191,9 @@ def _names(
     above = [cells(lines[i], separator) for i in kept[:first]]
     notes = []
     unit_row: tuple[str, ...] = ()
+    if len(above) > 1 and all(map(_TYPE.fullmatch, above[-1])) and len(above[-2]) >= len(above[-1]):
+        above.pop()
+        notes.append(Note("the row of data types below the header is left out", "format"))
     if len(above) > 1 and _are_units(above[-1]) and len(above[-2]) >= len(above[-1]) - 1 and not _are_units(above[-2]):
         unit_row = tuple(cell.strip("[]() ") for cell in above.pop())
         notes.append(Note("the row below the header was taken for units", "format"))
