@@ -18,7 +18,7 @@ from signlin_ros.diagnosis.output_error.trials import Trial, trials, tryable
 from signlin_ros.diagnosis.progress import CancelledError, Progress
 from signlin_ros.effects import EFFECTS
 from signlin_ros.fitting.candidate import Candidate
-from signlin_ros.fitting.fit import evaluated
+from signlin_ros.fitting.fit import Fit, evaluated, fit
 from signlin_ros.fitting.gains import ObserverGains
 from signlin_ros.fitting.inverses import bounded_step, covariance_of, squared_distance
 from signlin_ros.fitting.prepare import held_out, prepared
@@ -333,6 +333,38 @@ def test_what_the_force_found_of_a_law_is_a_start_beside_the_others(monkeypatch)
     from_equation_error = starts(estimator._from_equation_error(trial))
     assert {0.1, 5.0} <= from_equation_error
     assert from_equation_error - {5.0} <= alone
+
+
+def test_what_was_fitted_from_some_starts_is_not_fitted_again_and_the_answer_is_the_same(monkeypatch):
+    """A record that starts in motion: where it starts is kept with each candidate, and is found by all its fits."""
+    whole = record(COULOMB, 1, 6.0)
+    part = slice(150, None)
+    shown = {name: values[part] for name, values in whole.measured.items()}
+    moving = replace(whole, t=whole.t[part], u=whole.u[part], measured=shown)
+    sides = prepared(Model.from_dict(BASE), [moving], [record(COULOMB, 2, 6.0)])
+    estimator, counted = estimator_of(*sides, Criteria(), FitCache(), jobs=1), [0]
+    of, trial = estimator.base.fit, trials(estimator.training, ["dahl_presliding"])[0]
+
+    def counting(*arguments):
+        counted[0] += 1
+        return fit(*arguments)
+
+    monkeypatch.setattr(fitting, "fit", counting)
+
+    def fitted(few: int, steps: int, known: fitting.StartedFits | None) -> tuple[Fit, int]:
+        counted[0] = 0
+        found = fitting.multi_start_fit(estimator.short, of, trial, few, steps, known)
+        assert found is not None
+        assert found.candidate.starts
+        return found, counted[0]
+
+    known, all_starts, kept = fitting.StartedFits(), len(trial.starts), list[Fit]()
+    for few, steps in ((2, 0), (all_starts, 3), (all_starts, 6)):
+        (once, count), (again, left) = fitted(few, steps, None), fitted(few, steps, known)
+        assert (again.theta.tobytes(), again.objective) == (once.theta.tobytes(), once.objective)
+        kept.append(again)
+    assert left == 0 < count
+    assert kept[-1].candidate.starts is not kept[-2].candidate.starts
 
 
 def test_every_channel_is_judged_from_the_observer_that_predicts_it_best(monkeypatch):

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.output_error.fitted import FittedModel
+from signlin_ros.diagnosis.output_error.fitting import StartedFits
 from signlin_ros.fitting.fit import Fit
 from signlin_ros.model import Model
 
@@ -23,6 +24,7 @@ class FitCache:
 
     best : the fit of the least training error by then, by the keys of its effects (`FittedModel.kind`).
     multi_start : a fit of one more effect from all its starts, None where it diverged; by all keys and the channel.
+    started : the first fits of one effect beside the base, which are asked for again from more starts.
     asked : what `OutputErrorEstimator.fitted` returned, by effects and start.
     weighed : the models that a selection weighed, in the order in which it met them.
     searched : names of the effects that were tried on top of others.
@@ -31,6 +33,7 @@ class FitCache:
 
     best: dict[Kind, FittedModel] = field(default_factory=dict)
     multi_start: dict[Kind, Fit | None] = field(default_factory=dict)
+    started: StartedFits = field(default_factory=StartedFits)
     asked: list[tuple[Asked, FittedModel]] = field(default_factory=list)
     weighed: list[FittedModel] = field(default_factory=list)
     searched: dict[tuple[str, ...], set[str]] = field(default_factory=dict)

@@ -207,7 +207,9 @@ class OutputErrorEstimator(Minima):
 
     def _multi_start(self, before: Fit, trial: Trial, few: int = MAX_STARTS, follow_steps: int = 0) -> Fit | None:
         self.progress.check()
-        return multi_start_fit(self.short, before, rescanned(self.short, trial, before), few, follow_steps)
+        options = rescanned(self.short, trial, before)
+        known = None if before.candidate.label else self.cache.started
+        return multi_start_fit(self.short, before, options, few, follow_steps, known)
 
     def _from_all_starts(self, before: Fit, trial: Trial) -> Fit | None:
         """Return the best fit of one more effect from all its starts (some, where it has many minima), gone on with."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from operator import attrgetter
 from typing import Any
 
@@ -164,12 +165,48 @@ def likelihood_t(problem: Problem, f: Fit, covariances: Sequence[Array], index: 
     return float(np.sqrt(max(best.objective - f.objective, 0.0) / correlated))
 
 
+class StartedFits:
+    """What was fitted from some starts, for whoever asks for the same again, each time with candidates of their own."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[Any, ...], tuple[Any, tuple[Candidate, ...], list[Fit | None]]] = {}
+
+    def of(
+        self,
+        same: tuple[Any, ...],
+        key: tuple[Any, ...],
+        made: Callable[[], tuple[Sequence[Candidate], list[Fit | None]]],
+    ) -> tuple[list[Candidate], list[Fit | None]]:
+        """Return candidates and fits of them by a key and by objects that must be the ``same``, as they were made."""
+        key = (*map(id, same), *key)
+        if key not in self._known:
+            candidates, fits = made()
+            kept = _with_own_starts(candidates, fits)
+            self._known[key] = (same, tuple(kept[0]), kept[1])  # objects that are kept keep their identity
+            return list(candidates), fits
+        _, candidates, fits = self._known[key]
+        return _with_own_starts(candidates, fits)
+
+
+def _with_own_starts(
+    candidates: Sequence[Candidate], fits: Sequence[Fit | None]
+) -> tuple[list[Candidate], list[Fit | None]]:
+    """Return candidates, and fits of them, that nothing bears on which is fitted with the others."""
+    own = {id(c): c.apart() for c in candidates}
+    return [own[id(c)] for c in candidates], [f and replace(f, candidate=own[id(f.candidate)]) for f in fits]
+
+
 def multi_start_fit(
-    problem: Problem, before: Fit, trial: Trial, few: int = MAX_STARTS, follow_steps: int = 0
+    problem: Problem,
+    before: Fit,
+    trial: Trial,
+    few: int = MAX_STARTS,
+    follow_steps: int = 0,
+    known: StartedFits | None = None,
 ) -> Fit | None:
     """Return the best fit of one more effect at the middle gain on a part of the records, from its first start and some
     of the others, with base parameters as given and as they were fitted before; then the best of these fits get so many
-    more steps as ``follow_steps`` says.
+    more steps as ``follow_steps`` says. ``known``: what was fitted from some of these starts already.
     """
     remembers, (high, middle) = bool(trial.effect.states), problem.observer_gains[:2]
     slow = problem.base.plant.closed_loop and bool(
@@ -177,17 +214,28 @@ def multi_start_fit(
     )  # what watches tells little of a wave's height
     few_steps, more = (MIDDLE_STEPS, 2 * LAST_STEPS) if slow else (FIRST_STEPS, MIDDLE_STEPS)
     short = problem.led if remembers else problem.short
-    parts, known, label = CandidateParts.of(before), before.parameters(), before.candidate.label
+    parts, fitted, label = CandidateParts.of(before), before.parameters(), before.candidate.label
     last = len(trial.starts) - 1
     at = dict.fromkeys([0, *np.linspace(min(1, last), last, min(few, last + 1)).astype(int).tolist()])
-    candidates = [parts.extended(trial.name, trial.starts[i], trial.inertia).candidate(problem) for i in at]
-    added = {n: v for n, v in known.items() if n in label or n.partition(".")[0] in label}
-    ways = [added, known] if label else [added]
-    first = [fit(short, c, high, c.start(way), few_steps) for c in candidates for way in ways]
-    best = sorted((f for f in first if f), key=attrgetter("objective"))[:STARTS_KEPT]
-    second = [_at_lower_gain(short, f, middle, more) for f in best]
-    if remembers:  # a high gain says little of what is remembered
-        second += [fit(short, c, middle, c.start(added), more) for c in candidates]
+    added = {n: v for n, v in fitted.items() if n in label or n.partition(".")[0] in label}
+    ways = [added, fitted] if label else [added]
+    known, same, of = known or StartedFits(), (problem, before), (trial.name, *sorted(trial.inertia.items()))
+    starts = [tuple(trial.starts[i].items()) for i in at]
+
+    def begun(start: tuple[tuple[str, float], ...]) -> tuple[Sequence[Candidate], list[Fit | None]]:
+        c = parts.extended(trial.name, dict(start), trial.inertia).candidate(problem)
+        return [c], [fit(short, c, high, c.start(way), few_steps) for way in ways]
+
+    def at_middle() -> tuple[Sequence[Candidate], list[Fit | None]]:
+        pairs = [known.of(same, (*of, start), partial(begun, start)) for start in starts]
+        candidates, first = [c for cs, _ in pairs for c in cs], [f for _, fits in pairs for f in fits]
+        best = sorted((f for f in first if f), key=attrgetter("objective"))[:STARTS_KEPT]
+        second = [_at_lower_gain(short, f, middle, more) for f in best]
+        if remembers:  # a high gain says little of what is remembered
+            second += [fit(short, c, middle, c.start(added), more) for c in candidates]
+        return candidates, second
+
+    _, second = known.of(same, (*of, "at the middle gain", *starts), at_middle)
     if follow_steps:  # a few steps tell little of what starts far away
         best = sorted((f for f in second if f), key=attrgetter("objective"))[:STARTS_FOLLOWED]
         second = [further(short, f, follow_steps) for f in best]
@@ -258,6 +306,7 @@ __all__ = [
     "MAX_STARTS",
     "MIDDLE_STEPS",
     "Minimum",
+    "StartedFits",
     "cheapest",
     "cross_entropy_fit",
     "fit_over_gains",
