@@ -77,7 +77,7 @@ class ValidationTests:
         """Tell whether it is confirmed with what is far held at nominal, beside the base held so, and at its best."""
         try:
             held = self.output_error.holding({name: self.output_error.training.base.value(name) for name in self.far})
-            found = held.fitted(self.names)
+            found = held.fitted(self.names, self.final.model)
         except InputError:
             return False
         return not held.refusal(held.base, found) and not self.output_error.refusal(self.base, found)
@@ -202,11 +202,23 @@ class ValidationTests:
         return self.evidence.near_any_noise(self.final) or max(self.unpredicted, default=0.0) <= part
 
     @property
-    def leaves_little_error(self) -> bool:
-        """Whether a proposal leaves of every channel no more, beside what the base model does, than a table shows."""
-        beyond = self.final.validation_rmse > self.criteria.max_rmse_over_noise * self.output_error.validation.noise
-        less = self.final.validation_rmse <= self.criteria.visible_change * self.base.validation_rmse
-        return bool(self.names and beyond.any() and np.all(less[beyond]))
+    def leaves_little(self) -> bool:
+        """Whether a proposal leaves no more, beside what the base model does, than a table shows: of the force, or of
+        every channel whose error is beyond its noise.
+        """
+        if not self.names:
+            return False
+        small, beyond = self.criteria.visible_change, self.final.validation_rmse > self.output_error.validation.noise
+        less = self.final.validation_rmse <= small * self.base.validation_rmse
+        left, before = (self.force_mse(f) for f in (self.final, self.base))
+        little = left is not None and before is not None and bool(np.mean(left) <= small**2 * np.mean(before))
+        return little or bool(beyond.any() and np.all(less[beyond]))
+
+    @property
+    def explains_all_force(self) -> bool:
+        """Whether a force that the base model lacks is above the noise, and what a proposal leaves of it is not."""
+        shows = self.evidence.force_shows
+        return self.percent is not None and shows(self.base) and not shows(self.final)
 
     def sampled(self) -> FittedModel | None:
         """Return the same model with inputs sampled from what goes on in between, where that is surely better."""

@@ -133,9 +133,10 @@ def _reason_by_motion(tests: ValidationTests) -> str:
     noise = tests.evidence.residual_is_white(tests.final) or tests.of_steps
     near = tests.evidence.near_any_noise(tests.final)
     if tests.names and not near and (noise or tests.percent is None):
-        explained = not tests.leaves_much_motion or (tests.carries_over and not tests.generalizes_badly)
+        explained = tests.explains_all_force or not tests.leaves_much_motion
+        explained = explained or (tests.carries_over and not tests.generalizes_badly)
         return "" if explained else "elsewhere" if tests.generalizes_badly else "structure"
-    return "" if noise or tests.within_noise or tests.leaves_little_error else "structure"
+    return "" if noise or tests.within_noise or tests.leaves_little else "structure"
 
 
 def verdict_of(evidence: Evidence, selection: Selection) -> Verdict:

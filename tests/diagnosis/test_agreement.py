@@ -190,6 +190,8 @@ def equation_error_stub(
         changed=lambda: {"torque_ripple": (0.05, 0.037)} if effects else {},
         flexible=Curve(structure, flexible),
         mse_as_written=lambda f: around(f.force, 0),  # what is written leaves what it leaves
+        late={},
+        late_beside=lambda fit, channels: {},
         with_laws=lambda fit: None,
     )
 
@@ -564,6 +566,21 @@ def test_where_the_force_does_not_tell_the_motion_must(rms, known, why, monkeypa
     monkeypatch.setattr(Fit, "training_squares", property(lambda f: squares if f is final else f.validation_squares))
     found = judged(final)
     assert (found.label, found.reason) == ("unexplained" if why else "missing", why)
+
+
+@pytest.mark.parametrize(("force", "verdict"), [(0.0006, "missing"), (0.02, "unexplained")])
+def test_what_leaves_a_hundredth_of_the_force_is_missing_whatever_that_is(force, verdict):
+    """A vertical axis: weight and friction left 0.6 of 71 % of the effort, and were told to explain a part."""
+    base, final = Fit((), (450.0 * NOISE,), 0.71), Fit(("coulomb_friction",), (12.0 * NOISE,), force)
+    assert judged(final, base, equation_error_stub(*LAWS, effects=final.effects)).label == verdict
+
+
+@pytest.mark.parametrize(("white", "verdict"), [(True, "missing"), (False, "unexplained")])
+def test_where_all_visible_force_is_explained_the_motion_need_not_halve_if_its_residual_is_noise(white, verdict):
+    """A valve whose torque was sampled: stiction took 80 % of the effort to 2.5 %, the motion from 110 to 64 times."""
+    base = Fit((), (110.0 * NOISE,), 0.80)
+    final = Fit(("stribeck_friction",), (64.0 * NOISE,), 0.02, white=white)
+    assert judged(final, base, equation_error_stub(*LAWS, effects=final.effects)).label == verdict
 
 
 @pytest.mark.parametrize(
