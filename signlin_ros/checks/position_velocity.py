@@ -16,6 +16,7 @@ from signlin_ros.checks.travel import EQUAL, MIN_AGREEMENT, MIN_EXCESS_OVER_NOIS
 from signlin_ros.checks.unit_or_sign import divided
 from signlin_ros.records.clean import gaps
 from signlin_ros.records.notes import as_notes
+from signlin_ros.relative_lag import relative_lag
 
 Array = NDArray[np.float64]
 
@@ -25,10 +26,8 @@ FACTOR_TOLERANCE = 0.04
 """By how much a factor may miss that of a unit."""
 MIN_SQUARED_CORRELATION = 0.99
 """Squared correlation by which both exceed their noise, however large that looks in few steps."""
-MIN_CORRELATION_GAIN = 0.02
-"""By how much the squared correlation rises without a lag that counts."""
-MAX_LAG_SAMPLES = 30
-"""Lags that are looked at, in samples."""
+MIN_LAG_SAMPLES = 1.0
+"""Samples beyond which a lag is told: a difference of neighbours is half of one late."""
 
 
 class PositionVelocity(OfColumns):
@@ -65,13 +64,10 @@ class PositionVelocity(OfColumns):
         elif found.correlation > MIN_AGREEMENT and abs(found.factor - 1.0) > EQUAL:
             yield self._factor(look, found.factor)
         elif found.correlation > MIN_AGREEMENT:
-            at = np.isfinite(look.of(q)) & np.isfinite(look.of(v))
-            lag, gain = _lag(look.record.t[at], look.of(q)[at], look.of(v)[at])
-            if gain > MIN_CORRELATION_GAIN:
+            lag = _lag(look.record.t, look.of(q), look.of(v), look.step)
+            if abs(lag) > MIN_LAG_SAMPLES * look.step:
                 late, early = (v, q) if lag > 0 else (q, v)
-                yield self.note(
-                    late, f"the {late} lags {abs(lag) * look.step:.3g} s behind the {early}: a filter, or its way"
-                )
+                yield self.note(late, f"the {late} lags {abs(lag):.3g} s behind the {early}: a filter, or its way")
 
     def _strange(self, look: Look, found: Travel) -> Finding:
         q, v = look.position, look.velocity
@@ -121,23 +117,10 @@ def _unit(look: Look, factor: float) -> tuple[str, str, dict[str, float]]:
     return f"is {factor:.4g} times (a gear, or a unit)", f"scale_{v}", {v: factor}
 
 
-def _lag(t: Array, q: Array, v: Array) -> tuple[float, float]:
-    """Return by how many samples v lags behind the rate of q, and how much the squared correlation rises without it;
-    where no gap in t is near.
-    """
-    far = min(MAX_LAG_SAMPLES, q.size // 10)
-    lags = np.arange(-far, far + 1)
-    k = np.concatenate([np.arange(first + far + 1, last - far - 1) for first, last in pairwise(gaps(t))])
-    if k.size <= lags.size:
-        return 0.0, 0.0
-    with np.errstate(invalid="ignore", divide="ignore"):  # one speed tells nothing of a lag
-        r = np.nan_to_num([np.corrcoef(q[k + 1] - q[k - 1], v[k + lag])[0, 1] for lag in lags])
-    r = np.maximum(r, 0.0) ** 2
-    left, middle, right = r[:-2], r[1:-1], r[2:]
-    apart = np.where((middle >= left) & (middle >= right), left - 2.0 * middle + right, 0.0)
-    if not apart.any():
-        return float(lags[np.argmax(r)]), float(r.max() - r[far])
-    beside = np.divide(0.5 * (left - right), apart, where=apart < 0.0, out=np.zeros_like(apart))  # of a parabola's top
-    high = np.where(apart < 0.0, middle - 0.25 * (left - right) * beside, 0.0)
-    tops = (lags[1:-1] + beside)[high > high.max() - 0.1 * MIN_CORRELATION_GAIN]
-    return float(min(tops, key=abs)), float(high.max() - r[far])
+def _lag(t: Array, q: Array, v: Array, step: float) -> float:
+    """Return by how many s v lags behind the rate of q, in the longest stretch without a gap."""
+    there = np.isfinite(q) & np.isfinite(v)
+    t, q, v = t[there], q[there], v[there]
+    first, last = max(pairwise(gaps(t)), key=lambda ends: ends[1] - ends[0])
+    even = t[first] + step * np.arange(int((t[last - 1] - t[first]) / step + 1e-6) + 1)
+    return relative_lag(np.interp(even, t, q), np.interp(even, t, v), step)

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
+from scipy.interpolate import CubicSpline
 from scipy.ndimage import binary_dilation, grey_opening
 
 from signlin_ros.comparison.equations import SwitchedTape, force_equations, inertia, mass, with_measured
@@ -25,6 +26,7 @@ from signlin_ros.model import Model
 from signlin_ros.noise import derivative_noise
 from signlin_ros.plants import Plant
 from signlin_ros.records import ModelData
+from signlin_ros.relative_lag import relative_lag
 
 Array = NDArray[np.float64]
 
@@ -63,7 +65,7 @@ class ForceSegment:
     ``values``: measured states (T,), with position and velocity in any case; ``u`` (T, m) as it acts at the samples;
     ``acceleration``, ``effort``, ``sign`` (T,): direction of motion, between -1 and 1 where it is not known; ``cutoff``
     in Hz; ``kept``: samples that are compared; ``conditions``: known of the record; ``noise``: standard deviation that
-    the sensors give the missing force.
+    the sensors give the missing force; ``lags``: channels that were brought forward to the time of the other, by s.
     """
 
     plant: type[Plant]
@@ -80,6 +82,7 @@ class ForceSegment:
     noise: float
     position_measured: bool
     conditions: Mapping[str, float] = field(default_factory=dict)
+    lags: Mapping[str, float] = field(default_factory=dict)
     _known: dict[object, Array] = field(default_factory=dict, repr=False)
 
     @property
@@ -156,6 +159,7 @@ class _Raw:
         self.t, self.u = t - t[0], np.column_stack([np.interp(t, data.t, c) for c in data.u.T])
         self.values = {n: np.interp(t, data.t, filled(data.t, corrected(model, data, n))) for n in names}
         self.noise = {n: sensor_noise(data.measured[n][np.isfinite(data.measured[n])]) for n in names}
+        self.lags = self._lined_up(self.plant.position, self.plant.velocity)
         self.apart = np.max([_apart(data, n, t) for n in names], axis=0)
         if self.plant.velocity in model.inputs:
             self.values[self.plant.velocity] = v = self.u[:, model.inputs.index(self.plant.velocity)]
@@ -165,6 +169,19 @@ class _Raw:
             early = 0.5 if model.interpolates else model.early  # at a sample either has the sample's value
             late = 0.5 - early + stamped + model.delay / self.step
             self.u = np.column_stack([_acting(c, late) for c in self.u.T])
+
+    def _lined_up(self, position: str, velocity: str) -> dict[str, float]:
+        """Bring position and velocity to one time, and return by how many s which was late: the other is nearer to the
+        truth, since no sensor is early. A velocity that is early by less than a sample is a difference taken ahead.
+        """
+        if position not in self.values or velocity not in self.values:
+            return {}
+        lag = relative_lag(self.values[position], self.values[velocity], self.step)
+        late, shift = (velocity, lag) if lag > -self.step else (position, -lag)
+        if shift:
+            k = np.arange(self.t.size)
+            self.values[late] = CubicSpline(k, self.values[late])(np.clip(k + shift / self.step, 0, k[-1]))
+        return {late: shift} if shift > 0.0 else {}
 
     @cached_property
     def effort(self) -> tuple[Array, float]:
@@ -295,6 +312,7 @@ def force_segment(model: Model, data: ModelData, cutoff: float) -> ForceSegment:
         float(np.hypot(*raw.noises(cutoff))),
         plant.position in raw.values,
         data.conditions,
+        raw.lags,
     )
 
 

@@ -13,7 +13,11 @@ from signlin_ros.comparison.force_segment import recorded, tells_force
 from signlin_ros.diagnosis.blocks import MIN_DIVISOR, BlockChange
 from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA, Criteria
 from signlin_ros.diagnosis.dataset import Dataset
-from signlin_ros.diagnosis.equation_error.estimate import EquationErrorResult, estimate_equation_error
+from signlin_ros.diagnosis.equation_error.estimate import (
+    LATE_SENSOR,
+    EquationErrorResult,
+    estimate_equation_error,
+)
 from signlin_ros.diagnosis.equation_error.regression import RegressionFit
 from signlin_ros.diagnosis.input_hold import asks_hold, with_hold
 from signlin_ros.diagnosis.output_error import FitCache, FittedModel, OutputErrorEstimator, estimator_of
@@ -118,16 +122,27 @@ class Evidence:
     # ------------------------------------------------------------ the force that a model leaves
 
     def effects_in_force(self, f: FittedModel) -> frozenset[str]:
-        """Return the effects that act on the force: where the current is measured, those of the voltage do not."""
+        """Return the effects that act on the force: a late sensor whose signals were lined up does not, nor do those of
+        the voltage where the current is measured.
+        """
         current = self.equation_error is not None and self.equation_error.regression.current
+        acting = frozenset(f.effects) - self.lined_up(f)
         if not current:
-            return frozenset(f.effects)
-        effects = {name: find_effect(name, "effects") for name in f.effects}
+            return acting
+        effects = {name: find_effect(name, "effects") for name in acting}
         return frozenset(
             name
             for name, effect in effects.items()
             if _has(effect, "force", "torque_constant") or not _has(effect, "input", "delay")
         )
+
+    def lined_up(self, f: FittedModel) -> frozenset[str]:
+        """Return the late sensor of a model, if forces were read from signals that were brought to one time."""
+        if self.equation_error is None or LATE_SENSOR not in f.effects or not self.equation_error.late:
+            return frozenset()
+        uses = [use.parameters for use in f.model.effects.values() if use.type == LATE_SENSOR]
+        own = {name for use in uses for name, value in use.items() if value}
+        return frozenset({LATE_SENSOR}) if own <= self.equation_error.late.keys() else frozenset()
 
     def force_comparable(self, f: FittedModel) -> bool:
         """Tell whether the force that a model leaves can be compared with the base model's. It cannot where
@@ -146,7 +161,8 @@ class Evidence:
         if any((changes_effort(e) and not _has(e, "input")) or e.floating for e in effects):
             return False
         shown = {name for name, effect in acting.items() if _has(effect, "input")}
-        if f.effects and f.white and (set(f.effects) & self.unseen_by_force - shown or self.force_finds_nothing):
+        hidden = self.unseen_by_force - shown - self.lined_up(f)
+        if f.effects and f.white and (set(f.effects) & hidden or self.force_finds_nothing):
             return False
         of_waves = [effect for effect in effects if effect.periodic or effect.several]
         waves = [1.0 for effect in effects if effect.angular and effect not in of_waves]  # a weight is one of order one
@@ -166,10 +182,12 @@ class Evidence:
         return known[f]
 
     def force_mse(self, f: FittedModel) -> Array | None:
-        """Return the same (blocks,) with the parameters of the output or the equation error, whichever leave less."""
+        """Return the same (blocks,) with the parameters of the output or the equation error, whichever leave less; of a
+        model with a late sensor as written: that must follow the motion late, and leave no more of a force that is not.
+        """
         left = self.force_mse_as_written(f)
-        if left is None or self.equation_error is None:
-            return None
+        if left is None or self.equation_error is None or self.lined_up(f):
+            return left
         fit = self.equation_error.sets.get(self.effects_in_force(f))
         if fit is None or fit.validation_mse >= float(np.mean(left)):
             return left
@@ -257,7 +275,7 @@ class Evidence:
             return f.log_mse + float(np.log(np.mean(force.mse_as_written(f.model)) + MIN_DIVISOR))
 
         before = min(f, other, key=both)
-        fit = force.sets.get(frozenset(before.effects))
+        fit = force.sets.get(frozenset(before.effects) - self.lined_up(before))
         after = self.output_error.at_values_of(*force.stated(fit, before.model)) if fit else None
         if after is None:
             return before

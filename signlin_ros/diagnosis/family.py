@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from signlin_ros.diagnosis.equation_error.estimate import EquationErrorResult
+from signlin_ros.diagnosis.equation_error.estimate import LATE_SENSOR, EquationErrorResult
 from signlin_ros.diagnosis.equation_error.regression import RegressionFit
 from signlin_ros.diagnosis.evidence import HALF, Evidence
 from signlin_ros.diagnosis.output_error import FittedModel
@@ -30,8 +30,18 @@ class FamilyChoice:
         return dataset.plant.motion_is_imposed()
 
     def simulated(self, fit: RegressionFit) -> FittedModel | None:
-        """Return a set of the equation-error estimate fitted by simulation; None where that cannot be."""
-        return self._fitted([n for n, _ in fit.members], partial(self.force.with_laws, fit))
+        """Return a set of the equation-error estimate fitted by simulation, after the sensor that is late by itself if
+        that is surely better; None where that cannot be.
+        """
+        names, laws = [n for n, _ in fit.members], partial(self.force.with_laws, fit)
+        plain, late = self._fitted(names, laws), self.force.late_beside(fit, self.evidence.dataset.training.channels)
+        if not late:
+            return plain
+        other = self._fitted([LATE_SENSOR, *names], lambda: laws().with_effect(LATE_SENSOR, None, **late))
+        if plain is None or other is None:
+            return other or plain
+        refused = self.evidence.output_error.refusal(plain, other) or self.evidence.force_rises(plain, other)
+        return plain if refused else other
 
     def _fitted(self, names: Sequence[str], start: Callable[[], Model], least: float = np.inf) -> FittedModel | None:
         """Return a fit; None where that cannot be, or -2 log likelihood does not soon come below the ``least``."""
@@ -70,7 +80,7 @@ class FamilyChoice:
     def in_family(self, proposal: FittedModel) -> FittedModel:
         """Return a model with a richer law in place of one if motion surely asks for it, and force where it is seen."""
         evidence, laws = self.evidence, self.force.laws
-        for name in proposal.effects:
+        for name in (name for name in proposal.effects if name in laws):
             family = laws[name].effect.family
             names = [n for n, law in laws.items() if family and law.effect.family == family]
             names = [n for n in names if n not in proposal.effects and n in evidence.laws]
@@ -97,7 +107,7 @@ class FamilyChoice:
         """Return the laws in place of ``name`` that take visible force away, or the best; all where none is seen."""
         if self.imposed or not self.evidence.force_shows(proposal):
             return list(richer)
-        models, names = self.force.sets, frozenset(proposal.effects)
+        models, names = self.force.sets, self.evidence.effects_in_force(proposal)
         errors = {n: models[names - {name} | {n}].validation_mse for n in richer if names - {name} | {n} in models}
         if names not in models or not errors:
             return list(richer)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.dataset import Dataset
-from signlin_ros.diagnosis.equation_error.estimate import EquationErrorResult
+from signlin_ros.diagnosis.equation_error.estimate import LATE_SENSOR, EquationErrorResult
 from signlin_ros.diagnosis.output_error import OutputErrorEstimator
 from signlin_ros.diagnosis.output_error.fitting import LAST_STEPS
 from signlin_ros.diagnosis.output_error.score import improvement, log_mse, windowed
@@ -145,7 +145,10 @@ def _leading(motion: OutputErrorEstimator, force: EquationErrorResult | None) ->
     chosen = [force.fit] if force.effects else []
     for f in [*chosen, *(one for one in single if one.names != force.fit.names)][: LEADING + 1]:
         with suppress(InputError):  # a value that a model may not have
-            yield tuple(n for n, _ in f.members), force.with_laws(f)
+            model, names = force.with_laws(f), tuple(n for n, _ in f.members)
+            yield names, model
+            if late := force.late_beside(f, motion.training.channels):
+                yield (LATE_SENSOR, *names), model.with_effect(LATE_SENSOR, None, **late)
     for name, model in seen_loads(motion.training):
         yield (name,), model
 

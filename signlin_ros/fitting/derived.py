@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from signlin_ros.model import Model
 from signlin_ros.noise import noise_level
 from signlin_ros.records import ModelData
+from signlin_ros.relative_lag import relative_lag
 
 Array = NDArray[np.float64]
 
@@ -42,14 +43,13 @@ def without_derived(model: Model, records: Sequence[ModelData], channels: tuple[
 
 
 def lag(model: Model, records: Sequence[ModelData]) -> float:
-    """Return by how many s a velocity computed from the position lags behind the rate that is most like it (median)."""
+    """Return by how many s a velocity computed from the position lags behind its rate (median)."""
     found = []
     for r in records:
         t, q, v = _shown(r.t, r.measured[model.plant.position], r.measured[model.plant.velocity])
-        middle, slopes, reach = (t[1:] + t[:-1]) / 2, np.diff(q) / np.diff(t), min(FILTER_REACH, t.size // 4)
-        used, tried = slice(reach, t.size - reach), float(np.median(np.diff(t))) * np.arange(reach)
-        rests = [_rest(np.interp(t[used] - late, middle, slopes)[:, None], v[used]) for late in tried]
-        found.append(float(tried[int(np.argmin([np.mean(rest**2) for rest in rests]))]))
+        step = float(np.median(np.diff(t)))
+        even = np.arange(t[0], t[-1], step)
+        found.append(relative_lag(np.interp(even, t, q), np.interp(even, t, v), step))
     return float(np.median(found))
 
 

@@ -35,6 +35,8 @@ MAX_EFFORT_DELAY = 0.5
 """Samples by which the effort may be late; of an imposed motion lateness is what presliding looks like."""
 WIDEST = 0.12
 """Part of the rate at which laws are driven above which no band is tried."""
+LATE_SENSOR = "sensor_delay"
+"""Effect that a channel which lags behind another shows by itself."""
 BROADER = 1.2
 """Times the quiet band that a wider one must be to be tried."""
 
@@ -139,6 +141,18 @@ class EquationErrorResult:
         """Return the parameters of a law as a fit has them."""
         return self.laws[name].parameters(dict(fit.members)[name], fit.theta[fit.spans[name]])
 
+    @property
+    def late(self) -> dict[str, float]:
+        """The channel of position and velocity that lags behind the other in all data, by how many s (median)."""
+        pieces = [*self.training.pieces, *self.validation.pieces]
+        shared = set.intersection(*(set(p.lags) for p in pieces))
+        return {name: float(np.median([p.lags[name] for p in pieces])) for name in shared}
+
+    def late_beside(self, fit: RegressionFit, channels: Sequence[str]) -> dict[str, float]:
+        """Return the late one of some channels, where beside the laws of a fit one effect more may be named."""
+        full = len(fit.members) >= self.regression.criteria.max_effects or LATE_SENSOR in self.given.effects
+        return {} if full else {name: lag for name, lag in self.late.items() if name in channels}
+
     def with_laws(self, fit: RegressionFit) -> Model:
         """Return the model with the laws of a fit, all values as found there."""
         r, model = self.regression, self.given
@@ -148,11 +162,17 @@ class EquationErrorResult:
         return model.with_parameters({n: model.value(n) * (1 + theta) for n, theta in moved if n in model.parameters})
 
     def stated(self, fit: RegressionFit, beside: Model) -> tuple[list[str], Model]:
-        """Return the laws of a fit, and the model with their values; what forces do not tell: as in ``beside``."""
+        """Return the laws of a fit, and the model with their values; what forces do not tell, a late sensor too, as in
+        ``beside``.
+        """
         told = {*self.regression.names, *scaling(self.regression.current)}
         untold = set(beside.plant.pars()) - told
         values = {name: value for name, value in beside.parameters.items() if name in untold}
-        return [name for name, _ in fit.members], self.with_laws(fit).with_parameters(values)
+        names, model = [name for name, _ in fit.members], self.with_laws(fit).with_parameters(values)
+        late = beside.effects.get(LATE_SENSOR) if LATE_SENSOR not in self.given.effects else None
+        if late is None:
+            return names, model
+        return [LATE_SENSOR, *names], model.with_effect(LATE_SENSOR, None, **late.parameters)
 
 
 def estimate_equation_error(
@@ -226,4 +246,4 @@ def _scale_of(model: Model, pieces: Sequence[ForceSegment]) -> Scale:
     return Scale(*sizes, pieces[0].step, max(float(p.t[-1]) for p in pieces), inertia(model))
 
 
-__all__ = ["EquationErrorResult", "estimate_equation_error", "subset_search"]
+__all__ = ["LATE_SENSOR", "EquationErrorResult", "estimate_equation_error", "subset_search"]

@@ -282,10 +282,17 @@ class SubsetSearch:
         return self.r.fitted(ordered) if len(ordered) > 1 else found
 
     def _choice(self) -> RegressionFit:
-        sound = [f for f in list(self.models.values()) if self.sound(f)] or [self.base]
+        sound = [f for f in self._with_smaller_sets() if self.sound(f)] or [self.base]
         best = min(sound, key=lambda f: f.validation_mse)
         near = [f for f in sound if f is best or self.alike(best, f)]
         return min(near, key=lambda f: (f.n_parameters, f.validation_mse))
+
+    def _with_smaller_sets(self) -> list[RegressionFit]:
+        """Return all sets that were fitted, and those that a law more led to, without one of its others."""
+        for f in list(self.models.values()):
+            for name in f.names if len(f.names) > 1 else ():
+                self.without(f, name)
+        return list(self.models.values())
 
     def alike(self, best: RegressionFit, f: RegressionFit) -> bool:
         """Tell whether a fit is as good as a better one on validation data."""
