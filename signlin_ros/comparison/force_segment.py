@@ -172,7 +172,7 @@ class _Raw:
 
     def _lined_up(self, position: str, velocity: str) -> dict[str, float]:
         """Bring position and velocity to one time, and return by how many s which was late: the other is nearer to the
-        truth, since no sensor is early. A velocity that is early by less than a sample is a difference taken ahead.
+        truth, since no sensor is early. Less than a sample is none that is late, but a difference of neighbours.
         """
         if position not in self.values or velocity not in self.values:
             return {}
@@ -181,7 +181,7 @@ class _Raw:
         if shift:
             k = np.arange(self.t.size)
             self.values[late] = CubicSpline(k, self.values[late])(np.clip(k + shift / self.step, 0, k[-1]))
-        return {late: shift} if shift > 0.0 else {}
+        return {late: shift} if shift > self.step else {}
 
     @cached_property
     def effort(self) -> tuple[Array, float]:
