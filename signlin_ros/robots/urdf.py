@@ -1,7 +1,7 @@
 """A robot out of a URDF: moving joints in a tree, each with the rigid body that it carries.
 
 Fixed joints are merged, and so are joints that are not asked for, at the positions where they are locked. A joint that
-mimics another one is refused where it would have to move.
+mimics another one is refused where it would have to move, and so is a base that floats.
 """
 
 from __future__ import annotations
@@ -21,6 +21,8 @@ from signlin_ros.robots.inertia import TEN, about_centre, least_eigenvalue, move
 Array = NDArray[np.float64]
 MOVING_JOINTS = ("revolute", "continuous", "prismatic")
 """Types of joints that have one degree of freedom."""
+FREE_JOINTS = ("floating", "planar")
+"""Types of joints that have more."""
 ROTATION_TOLERANCE = 1e-13
 """How far an entry of a rotation may be from a whole number, by rounding."""
 INCONSISTENT = 1e-9
@@ -234,6 +236,9 @@ class _Reader:
                 raise ModelError(
                     f"joints: {self.source}: {said}, which is not supported; leave {mimic.get('joint')!r} out"
                 )
+            if element.get("type") in FREE_JOINTS and self._matters(element):
+                said = f"{element.get('name')!r} is {element.get('type')}: a base that moves freely is not supported"
+                raise ModelError(f'robot: {self.source}: {said}; say type="fixed" if it was held')
         return self._in_order(gravity)
 
     def _in_order(self, gravity: Array) -> Robot:

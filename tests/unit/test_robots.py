@@ -171,6 +171,7 @@ def test_inertial_parameters_move_with_their_frame_and_stay_consistent():
         (('<mass value="1.8"/>', ""), "<inertial> of link 'upper_arm' needs <mass>"),
         (('xyz="0.35 0 0"', 'xyz="${length} 0 0"'), "a xacro file has to be expanded first"),
         (('<axis xyz="0 0 1"/>', '<axis xyz="0 0 1"/><mimic joint="elbow"/>'), "mimics 'elbow'"),
+        (('name="waist" type="revolute"', 'name="hook" type="floating"'), "'hook' is floating: a base that moves"),
     ],
 )
 def test_what_is_wrong_with_a_urdf_is_said(change, said):
