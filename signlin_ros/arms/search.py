@@ -294,13 +294,30 @@ def _best(state: State, estimate: CoefficientEstimate) -> tuple[SearchResult, Jo
     """Return the law that unseen rows gain most from, of those that stand."""
     fixed = fit(estimate.design, state.rows, state.new, estimate.weights)
     promises, tried = _promises(state, fixed)
-    standing = [s for s in (_stands(state, fixed, p, tried) for p in promises) if s is not None]
+    standing = [(p, found) for p in promises if (found := _stands(state, fixed, p, tried)) is not None]
     if not standing:
         return None
-    standing.sort(key=lambda pair: -pair[0].worth)
-    first, law = standing[0]
-    rivals = tuple(other.key for other, _ in standing[1:] if other.worth > TIE * first.worth)
+    standing.sort(key=lambda pair: -pair[1][0].worth)
+    (promise, (first, law)), others = standing[0], standing[1:]
+    for own, (rival, its_law) in list(others):
+        if _beaten(state, fixed, promise, own):
+            others = [pair for pair in others if pair[0] is not own]
+            promise, first, law = own, rival, its_law
+    rivals = tuple(other.key for _, (other, _) in others if other.worth > TIE * first.worth)
     return replace(first, rivals=rivals), law
+
+
+def _beaten(state: State, estimate: CoefficientEstimate, first: _Promise, other: _Promise) -> bool:
+    """Tell whether all rows know a law no more beside another one, which they know beside it.
+
+    [Davidson and MacKinnon, Econometrica 49(3), 1981]
+    """
+    own, its = names_of(first.key), names_of(other.key)
+    if first.key.at < 0 or other.key.at == first.key.at:
+        return False
+    design = estimate.design.plus(own, first.known, first.unseen).plus(its, other.known, other.unseen)
+    beside = fit(design, state.rows, state.new, estimate.weights)
+    return ratio_on_all(beside, own) < MIN_COEFFICIENT_ERRORS <= ratio_on_all(beside, its)
 
 
 def _promises(state: State, estimate: CoefficientEstimate) -> tuple[list[_Promise], int]:

@@ -10,7 +10,7 @@ from signlin_ros.arms.heldout import again, agree, foretells, foretold_both_ways
 from signlin_ros.arms.keys import GAIN, Key
 from signlin_ros.arms.laws import EXTRA
 from signlin_ros.arms.piece import RegressionRows
-from signlin_ros.arms.search import _Promise, _stands, needed_errors
+from signlin_ros.arms.search import _beaten, _Promise, _stands, needed_errors
 
 FRICTION = next(law for law in EXTRA if law.loaded)
 LAW, NOISE, COUNT = ("law",), 0.05, 200
@@ -125,3 +125,17 @@ def test_left_out_residuals_are_those_of_fits_without_the_block():
     theta = np.linalg.lstsq(X, y, rcond=None)[0]
     expected = (rows.y[own] - trial.design.known[own] @ theta) / NOISE
     assert trial.left_out[own] == pytest.approx(expected, rel=1e-5)
+
+
+@pytest.mark.parametrize("truth_first", [False, True])
+def test_a_law_that_another_joints_law_leaves_nothing_of_is_not_the_first(truth_first):
+    """One joint's law imitates another's: all rows know the true one beside it, and it no more."""
+    known, unseen = Rows(9, 0.3), Rows(10, 0.3)
+    before, _ = fitted(known, unseen)
+    rng = np.random.default_rng(11)
+    true, like = ([rows.z[:, None] for rows in (known, unseen)] for _ in range(2))
+    like = [z + 0.3 * rng.normal(size=z.shape) for z in like]
+    promises = [_Promise(1.0, Key("spring", joint), None, *columns) for joint, columns in enumerate((true, like))]
+    first, other = promises if truth_first else promises[::-1]
+    state = SimpleNamespace(rows=known, new=unseen)
+    assert _beaten(state, before, first, other) != truth_first
