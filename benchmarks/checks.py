@@ -183,6 +183,8 @@ FAULTS: dict[str, tuple[tuple[str, ...], Fault]] = {
     "speed reversed": (UNITS, _on("speed", np.negative)),
     "velocity reversed": (UNITS, _on("velocity", np.negative)),
     "input without a sign": (("unsigned_input",), _unsigned),
+    "speed without a sign": (("unsigned_speed",), _on("speed", np.abs)),
+    "velocity without a sign": (("unsigned_speed",), _on("velocity", np.abs)),
     "input 20 samples late": (("mixed_clocks",), _late_input),
     "no motion": (("no_motion",), _still),
     "time in ms": (("time_unit", "slow_sampling"), lambda c: replace(c.data, t=1e3 * c.data.t)),
