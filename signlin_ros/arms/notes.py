@@ -14,7 +14,8 @@ from signlin_ros.arms.loaded import sentence
 from signlin_ros.arms.search import MIN_COEFFICIENT_ERRORS
 from signlin_ros.arms.study import Study
 from signlin_ros.arms.warmth import differing
-from signlin_ros.robots.inertia import TEN, least_eigenvalue_along
+from signlin_ros.robots import Robot
+from signlin_ros.robots.inertia import TEN, least_eigenvalue_along, moved
 
 if TYPE_CHECKING:
     from signlin_ros.arms.verbs import ArmDiagnosis
@@ -54,6 +55,28 @@ def _loaded_notes(study: Study) -> list[str]:
 
 
 def _urdf_notes(study: Study) -> list[str]:
+    return [*_without_mass(study.robot), *_too_wide(study.robot), *_impossible(study)]
+
+
+def _without_mass(robot: Robot) -> list[str]:
+    """Return a sentence on joints that carry nothing in the URDF: near nothing is where their bodies are looked for."""
+    names = [joint.name for joint in robot.joints if joint.pi[0] <= 0.0]
+    said = "no mass (no <inertial>): bodies are looked for near nothing, and no payload or load can be told"
+    return [f"URDF: what {' and '.join(names)} carry has {said}"] if names else []
+
+
+def _too_wide(robot: Robot) -> list[str]:
+    """Return sentences on bodies whose mass is farther from their centres than the whole robot reaches."""
+    masses = {joint.name: joint.pi for joint in robot.joints if joint.pi[0] > 0.0}
+    own = {name: moved(pi, np.eye(3), -pi[1:4] / pi[0]) for name, pi in masses.items()}
+    radii = {name: float(np.sqrt(max(pi[4] + pi[7] + pi[9], 0.0) / (2.0 * pi[0]))) for name, pi in own.items()}
+    centres = sum(float(np.linalg.norm(pi[1:4])) / float(pi[0]) for pi in masses.values())
+    reach = centres + sum(float(np.linalg.norm(joint.p)) for joint in robot.joints)
+    said = "m of its centre on average, farther than the whole robot reaches: is its inertia in kg·m²?"
+    return [f"URDF: the mass of {name} is within {r:.3g} {said}" for name, r in radii.items() if r > reach]
+
+
+def _impossible(study: Study) -> list[str]:
     return [
         f"URDF: the body that {name} carries cannot exist: its pseudo-inertia has the eigenvalue {value:.2g} kg·m²"
         for name, value in study.robot.inconsistent().items()

@@ -1,15 +1,19 @@
 """Traps of fitting an arm that have no test elsewhere: frozen bodies, columns that are one, weights that change."""
 
+import re
+
 import numpy as np
 import pytest
 
 from signlin_ros.arms.data import ArmRun
 from signlin_ros.arms.fit import FitDesign, fit
+from signlin_ros.arms.notes import _too_wide, _without_mass
 from signlin_ros.arms.piece import RegressionRows
 from signlin_ros.arms.told import compared_json
 from signlin_ros.arms.verbs import compare
 from signlin_ros.model import Model
-from tests.arm_records import record, small
+from signlin_ros.robots import read_urdf
+from tests.arm_records import SMALL, record, small
 
 MODEL, BAND, SHOULDER = small(), 6.0, 1
 
@@ -70,3 +74,18 @@ def test_the_curvature_is_that_of_the_weights_which_the_fit_ends_with():
     assert estimate.weights[0] > 50.0 * estimate.weights[1]
     np.testing.assert_allclose(estimate.G, (X.T * W) @ X + np.diag([0.0, 4.0, 100.0]), rtol=1e-6)
     assert np.linalg.eigvalsh(estimate.G).min() > 0.0
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda text: re.sub(r"<inertial>.*?</inertial>", "", text, flags=re.S), "no mass"),
+        (lambda text: re.sub(r'(i[xyz]{2})="([^"]*)"', r'\1="\2e9"', text), "is its inertia in kg·m²"),
+        (lambda text: text, ""),
+    ],
+    ids=["no inertials", "g·mm²", "as it is"],
+)
+def test_bodies_that_a_urdf_lacks_or_has_in_another_unit_are_told(change, said):
+    robot = read_urdf(change(SMALL.with_suffix(".urdf").read_text(encoding="utf-8")))
+    notes = [*_without_mass(robot), *_too_wide(robot)]
+    assert (said in notes[0]) if said else notes == []
