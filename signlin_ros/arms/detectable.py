@@ -44,7 +44,7 @@ def _smallest(estimate: CoefficientEstimate, column: Array, needed: float) -> fl
     size = float(new @ c)
     if size <= 0.0:
         return np.inf
-    spread = float(np.linalg.norm(blocks((new * estimate.left_out)[:, None], estimate.rows.block)))
+    spread = float(np.linalg.norm(blocks((new * estimate.unabsorbed)[:, None], estimate.rows.block)))
     error = max(spread / size, 1.0 / np.sqrt(size))
     left, shown = (np.bincount(estimate.rows.joint, values**2, estimate.rows.n) for values in (r, new))
     visible = float(

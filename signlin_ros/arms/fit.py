@@ -214,28 +214,28 @@ class CoefficientEstimate:
         return np.asarray(np.maximum(robust, np.sqrt(np.maximum(np.sum(directions.T * along, axis=0), 0.0))))
 
     @cached_property
-    def left_out(self) -> Array:
-        """Weighted residuals (N,) of rows whose block the fit does not see.
+    def unabsorbed(self) -> Array:
+        """Weighted residuals (N,) as large as the noise of their block, whatever of it the fit absorbed.
 
-        What is left of rows that a fit sees is less than that, and most where few blocks tell a coefficient.
-        [Bell and McCaffrey, Survey Methodology 28(2), 2002; the jackknife of Cameron and Miller, J. Human Resources
-        50(2), 2015]
+        What is left of rows that a fit sees is less than their noise, and most where few blocks tell a coefficient: by
+        (I - H)^(1/2), H what a block's own rows make of its fit. (I - H) would be the residuals of rows that the fit
+        does not see, too large where few blocks tell.   [CR2 of Bell and McCaffrey, Survey Methodology 28(2), 2002]
         """
         w = self.weights[self.rows.joint]
         index, inside = in_blocks(self.rows.block)
         X = (self.design.known * w[:, None])[index] * inside[:, :, None]
         r = (self.residual * w)[index] * inside
         values, vectors = np.linalg.eigh(X @ self.inverse() @ np.swapaxes(X, 1, 2))
-        parts = np.einsum("bij,bi->bj", vectors, r) / np.maximum(1.0 - values, LEAST_LEFT)
+        parts = np.einsum("bij,bi->bj", vectors, r) / np.sqrt(np.maximum(1.0 - values, LEAST_LEFT))
         found = np.empty(len(self.rows.joint))
         found[index[inside]] = np.einsum("bij,bj->bi", vectors, parts)[inside]
         return found
 
     @cached_property
     def scores(self) -> Array:
-        """Sums over each block (B, k) of columns times residuals of rows whose block the fit does not see."""
+        """Sums over each block (B, k) of columns times residuals as large as their noise."""
         w = self.weights[self.rows.joint]
-        return blocks(self.design.known * (w * self.left_out)[:, None], self.rows.block)
+        return blocks(self.design.known * (w * self.unabsorbed)[:, None], self.rows.block)
 
 
 def in_blocks(block: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:

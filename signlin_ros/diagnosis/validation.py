@@ -74,10 +74,12 @@ class ValidationTests:
         return self.final.far_from_nominal(self.criteria)
 
     def same_at_nominal(self) -> bool:
-        """Tell whether it is confirmed with what is far held at nominal, beside the base held so, and at its best."""
+        """Tell whether it is confirmed with what is far held at nominal, beside the base held so, and at its best; of a
+        model that leaves noise that fit begins with its values.
+        """
         try:
             held = self.output_error.holding({name: self.output_error.training.base.value(name) for name in self.far})
-            found = held.fitted(self.names, self.final.model)
+            found = held.fitted(self.names, self.final.model if self.final.residual_is_noise else None)
         except InputError:
             return False
         return not held.refusal(held.base, found) and not self.output_error.refusal(self.base, found)

@@ -100,31 +100,35 @@ def test_a_gain_that_one_record_leaves_open_stands_if_both_agree_and_together_te
 
 
 def test_errors_allow_for_what_a_fit_takes_of_a_few_blocks():
-    """Twelve blocks, six coefficients that are alike within a block, noise that is, too: t ratios of scatter one."""
+    """Twelve blocks, six coefficients that are alike within a block, noise that is, too: how large errors are."""
     rng, count, blocks_ = np.random.default_rng(7), 6, 12
     rows = SimpleNamespace(n=1, joint=np.zeros(10 * blocks_, dtype=int), block=np.arange(10 * blocks_) // 10)
     rows.by_joint, rows.counts = (lambda r: np.array([np.sqrt(np.mean(r**2))])), np.array([10 * blocks_])
-    ratios, without = [], []
+    values, told, without = [], [], []
     for _ in range(300):
         X = np.repeat(rng.normal(size=(blocks_, count)), 10, axis=0) + 0.1 * rng.normal(size=(10 * blocks_, count))
         rows.y = np.repeat(rng.normal(size=blocks_), 10) + 0.1 * rng.normal(size=10 * blocks_)
         names = tuple(map(str, range(count)))
         found = fit(FitDesign(names, X, X, np.zeros(count), np.full(count, np.inf)), rows, rows, np.ones(1))
         seen = np.linalg.norm(blocks(X * found.residual[:, None], rows.block) @ found.inverse(), axis=0)
-        ratios.append(found.theta / found.errors())
-        without.append(found.theta / seen)
-    assert np.std(ratios) < 1.1
-    assert np.std(without) > 1.5  # residuals of rows that the fit sees
+        values.append(found.theta)
+        told.append(found.errors())
+        without.append(seen)
+    true, few, least = (float(np.mean(np.square(x))) for x in (values, told, without))
+    assert few == pytest.approx(true, rel=0.2)
+    assert least < 0.6 * true  # residuals of rows that the fit sees
 
 
-def test_left_out_residuals_are_those_of_fits_without_the_block():
+def test_unabsorbed_residuals_lie_between_those_of_fits_with_and_without_the_block():
     rows = Rows(8, 0.3)
     _, trial = fitted(rows, rows)
     own = rows.block == 3
     X, y = trial.design.known[~own], rows.y[~own]
     theta = np.linalg.lstsq(X, y, rcond=None)[0]
     expected = (rows.y[own] - trial.design.known[own] @ theta) / NOISE
-    assert trial.left_out[own] == pytest.approx(expected, rel=1e-5)
+    found, seen = trial.unabsorbed[own], trial.residual[own] * trial.weights[trial.rows.joint[own]]
+    assert found @ found == pytest.approx(seen @ expected, rel=1e-5)
+    assert np.linalg.norm(seen) < np.linalg.norm(found) < np.linalg.norm(expected)
 
 
 @pytest.mark.parametrize("truth_first", [False, True])

@@ -290,7 +290,7 @@ class SubsetSearch:
     def _with_smaller_sets(self) -> list[RegressionFit]:
         """Return all sets that were fitted, and those that a law more led to, without one of its others."""
         for f in list(self.models.values()):
-            for name in f.names if len(f.names) > 1 else ():
+            for name, _ in f.members if len(f.members) > 1 else ():
                 self.without(f, name)
         return list(self.models.values())
 
