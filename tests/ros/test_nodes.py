@@ -78,9 +78,8 @@ def test_two_processes_publish_and_receive(graph: Any) -> None:
     linearizer = graph.start("linearizer", "update_period:=0.05")
     graph.wait(lambda: len(models) >= 25, "25 models")
     assert_core_s(models, Model.load("dc_motor").with_options(update_period=0.05))
-    published = {tuple(message.data) for message in states}
     used = {tuple(convert.read_model(message).result.x) for message in models[5:]}
-    assert used <= published
+    graph.wait(lambda: used <= {tuple(message.data) for message in states}, "every state that was used")
     assert [(d.label, d.size, d.stride) for d in matrices[0].layout.dim] == [
         ("rows", 2, 4),
         ("columns", 2, 2),
