@@ -41,7 +41,8 @@ def asked(machine: Machine, folder: Path, minutes: float = MINUTES) -> dict[str,
     )
     refused = done.returncode == 2 and "--cure" in done.stderr
     late = f"no answer within {minutes:g} minutes of a processor" if done.returncode < 0 else ""
-    error = late or (done.stderr.strip()[-2000:] if done.returncode else "")
+    said = done.stderr.strip().replace(f"{folder}/", "")[-2000:]
+    error = late or (said if done.returncode else "")
     answer = json.loads(done.stdout) if not error else None
     return {
         "name": machine.name,
