@@ -53,6 +53,15 @@ def relative_lag(q: Array, v: Array, step: float) -> float:
     return lag if abs(lag) > MIN_LAG_T * error else 0.0
 
 
+def lag_of_samples(t: Array, q: Array, v: Array) -> float:
+    """Return the same of samples at times t (T,) that need not be even: both are read on an even grid of their median
+    step.
+    """
+    step = float(np.median(np.diff(t)))
+    even = t[0] + step * np.arange(int((t[-1] - t[0]) / step + 1e-6) + 1)
+    return relative_lag(np.interp(even, t, q), np.interp(even, t, v), step)
+
+
 def _most_alike(rate: Array, shown: Array) -> int:
     """Return by how many samples ``shown`` (T,) lags behind ``rate`` (T,), to the nearest one: where they are most
     alike; what repeats is so at many lags, of which the smallest is taken.
@@ -62,4 +71,4 @@ def _most_alike(rate: Array, shown: Array) -> int:
     return int(min(np.flatnonzero(alike >= AS_ALIKE * alike.max()) - far, key=abs, default=0))
 
 
-__all__ = ["relative_lag"]
+__all__ = ["lag_of_samples", "relative_lag"]

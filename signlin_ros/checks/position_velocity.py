@@ -16,7 +16,7 @@ from signlin_ros.checks.travel import EQUAL, MIN_AGREEMENT, MIN_EXCESS_OVER_NOIS
 from signlin_ros.checks.unit_or_sign import divided
 from signlin_ros.records.clean import gaps
 from signlin_ros.records.notes import as_notes
-from signlin_ros.relative_lag import relative_lag
+from signlin_ros.relative_lag import lag_of_samples
 
 Array = NDArray[np.float64]
 
@@ -64,7 +64,7 @@ class PositionVelocity(OfColumns):
         elif found.correlation > MIN_AGREEMENT and abs(found.factor - 1.0) > EQUAL:
             yield self._factor(look, found.factor)
         elif found.correlation > MIN_AGREEMENT:
-            lag = _lag(look.record.t, look.of(q), look.of(v), look.step)
+            lag = _lag(look.record.t, look.of(q), look.of(v))
             if abs(lag) > MIN_LAG_SAMPLES * look.step:
                 late, early = (v, q) if lag > 0 else (q, v)
                 yield self.note(late, f"the {late} lags {abs(lag):.3g} s behind the {early}: a filter, or its way")
@@ -117,10 +117,9 @@ def _unit(look: Look, factor: float) -> tuple[str, str, dict[str, float]]:
     return f"is {factor:.4g} times (a gear, or a unit)", f"scale_{v}", {v: factor}
 
 
-def _lag(t: Array, q: Array, v: Array, step: float) -> float:
+def _lag(t: Array, q: Array, v: Array) -> float:
     """Return by how many s v lags behind the rate of q, in the longest stretch without a gap."""
     there = np.isfinite(q) & np.isfinite(v)
     t, q, v = t[there], q[there], v[there]
     first, last = max(pairwise(gaps(t)), key=lambda ends: ends[1] - ends[0])
-    even = t[first] + step * np.arange(int((t[last - 1] - t[first]) / step + 1e-6) + 1)
-    return relative_lag(np.interp(even, t, q), np.interp(even, t, v), step)
+    return lag_of_samples(t[first:last], q[first:last], v[first:last]) if last - first > 1 else 0.0

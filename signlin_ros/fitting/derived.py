@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from signlin_ros.model import Model
 from signlin_ros.noise import noise_level
 from signlin_ros.records import ModelData
-from signlin_ros.relative_lag import relative_lag
+from signlin_ros.relative_lag import lag_of_samples
 
 Array = NDArray[np.float64]
 
@@ -44,12 +44,8 @@ def without_derived(model: Model, records: Sequence[ModelData], channels: tuple[
 
 def lag(model: Model, records: Sequence[ModelData]) -> float:
     """Return by how many s a velocity computed from the position lags behind its rate (median)."""
-    found = []
-    for r in records:
-        t, q, v = _shown(r.t, r.measured[model.plant.position], r.measured[model.plant.velocity])
-        step = float(np.median(np.diff(t)))
-        even = np.arange(t[0], t[-1], step)
-        found.append(relative_lag(np.interp(even, t, q), np.interp(even, t, v), step))
+    q, v = model.plant.position, model.plant.velocity
+    found = [lag_of_samples(*_shown(r.t, r.measured[q], r.measured[v])) for r in records]
     return float(np.median(found))
 
 
