@@ -19,6 +19,8 @@ import socket
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -113,6 +115,21 @@ class Zygote:
 
 
 # -------------------------------------------------------------------- in the process that is copied
+
+
+@contextmanager
+def when_asked(imported: Sequence[str]) -> Iterator[Callable[[], Zygote]]:
+    """Yield what makes a zygote when it is first asked for, and returns that one ever after; close it in the end."""
+    made: list[Zygote] = []
+
+    def only() -> Zygote:
+        if not made:
+            made.append(Zygote(*imported))
+        return made[0]
+
+    yield only
+    for one in made:
+        one.close()
 
 
 def main() -> None:

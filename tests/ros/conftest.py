@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from tests.forking import Copied, Zygote
+from tests.forking import Copied, Zygote, when_asked
 
 IMPORTED = (
     *("signlin_ros.nodes.linearizer_logic", "signlin_ros.nodes.controller_logic", "signlin_ros.nodes.monitor_logic"),
@@ -192,16 +192,8 @@ class Graph:
 @pytest.fixture(scope="session")
 def zygote() -> Iterator[Callable[[], Zygote]]:
     """What nodes are copied from; made where it is first needed."""
-    made: list[Zygote] = []
-
-    def only() -> Zygote:
-        if not made:
-            made.append(Zygote(*IMPORTED))
-        return made[0]
-
-    yield only
-    for one in made:
-        one.close()
+    with when_asked(IMPORTED) as only:
+        yield only
 
 
 @pytest.fixture

@@ -20,7 +20,7 @@ from urllib.parse import quote, urlsplit
 
 import pytest
 
-from tests.forking import Copied, Zygote
+from tests.forking import Copied, Zygote, when_asked
 
 IMPORTED = (
     *("signlin_ros.workbench.server", "signlin_ros.workbench.worker", "signlin_ros.workbench.calls"),
@@ -149,16 +149,8 @@ def environment() -> dict[str, str]:
 @pytest.fixture(scope="session")
 def web_zygote() -> Iterator[Callable[[], Zygote]]:
     """What servers and the templates of their workers are copied from; made where it is first needed."""
-    made: list[Zygote] = []
-
-    def only() -> Zygote:
-        if not made:
-            made.append(Zygote(*IMPORTED))
-        return made[0]
-
-    yield only
-    for one in made:
-        one.close()
+    with when_asked(IMPORTED) as only:
+        yield only
 
 
 def starting(folder: Path, zygote: Callable[[], Zygote]) -> Iterator[Callable[..., Server]]:
