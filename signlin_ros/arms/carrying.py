@@ -48,9 +48,8 @@ def carried(comparison: ArmComparison) -> ArmDiagnosis:
     names = ("m", "mx", "my", "mz")[: values.size]
     told = {n: (float(v), float(e), u) for n, v, e, u in zip(names, values, errors, units, strict=False)}
     table = replace(comparison.table, model=own)
-    text = model.arm.robot if model.arm.is_text else (model.folder / model.arm.robot).read_text(encoding="utf-8")
     state = study.state()
-    proposed = Proposal(model, text)
+    proposed = Proposal(model, model.urdf)
     return ArmDiagnosis(
         *(replace(comparison, table=table), state, estimate, (), (), (), proposed), payload=told, only_payload=True
     )

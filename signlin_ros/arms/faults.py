@@ -1,7 +1,7 @@
-"""Efforts that are recorded late or in another size: put right, and what is told of a record that was.
+"""Efforts that are recorded late or in another size, positions from another zero: put right, and what is told then.
 
-A delay and a gain are faults of the record, not of the arm. Once told, they are taken out of the efforts, and all else
-is said of efforts as they acted.
+A delay, a gain and a zero are faults of the record, not of the arm. Once told, the model's file has them (a zero, its
+URDF), and all else is said of efforts as they acted, at the positions where they did.
 """
 
 from __future__ import annotations
@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from signlin_ros.arms.ahead import Ahead, Witness, ahead, compared
 from signlin_ros.arms.data import ArmRun, resized, shifted, with_delays, with_gains
-from signlin_ros.arms.keys import DELAY, GAIN, Key, SearchResult, names_of
+from signlin_ros.arms.keys import DELAY, GAIN, ZERO, Key, SearchResult, names_of
 from signlin_ros.arms.search import MIN_COEFFICIENT_ERRORS, MIN_VALIDATION_SHARE
+from signlin_ros.arms.zeros import settled_zeros
 from signlin_ros.model.arm import ArmModel
 
 if TYPE_CHECKING:
@@ -24,7 +25,11 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Runs = tuple[Sequence[ArmRun], Sequence[ArmRun]]
-FAULTS = {DELAY: "efforts are put in time", GAIN: "efforts are put in their sizes"}
+FAULTS = {
+    ZERO: "positions are counted from the encoders' zeros",
+    DELAY: "efforts are put in time",
+    GAIN: "efforts are put in their sizes",
+}
 """Laws that are faults of a record, in the order in which they are taken out, and what is done."""
 
 
@@ -75,19 +80,29 @@ def shown(laws: Sequence[SearchResult], n: int) -> Array:
     return found
 
 
-def put_right(diagnosis: ArmDiagnosis, law: str) -> tuple[ArmModel, Runs]:
-    """Return model and records of a diagnosis without its faults of one kind: the model's file says them."""
-    study = diagnosis.comparison.study
+def put_right(diagnosis: ArmDiagnosis, law: str) -> tuple[ArmModel, Runs, Sequence[SearchResult]]:
+    """Return model and records of a diagnosis without its faults of one kind, and these: the model's file says them."""
+    study, laws = diagnosis.comparison.study, faults(diagnosis, law)
     known, unseen = study.runs
+    if law == ZERO:
+        model, settled = settled_zeros(study, diagnosis.state, laws)
+        return model, study.runs, settled
     if law == DELAY:
         late = delays(diagnosis)
-        return with_delays(study.model, late), ([shifted(r, late) for r in known], [shifted(r, late) for r in unseen])
-    gains = shown(faults(diagnosis, GAIN), study.robot.n)
-    return with_gains(study.model, gains), ([resized(r, gains) for r in known], [resized(r, gains) for r in unseen])
+        runs = [shifted(r, late) for r in known], [shifted(r, late) for r in unseen]
+        return with_delays(study.model, late), runs, laws
+    gains = shown(laws, study.robot.n)
+    return (
+        with_gains(study.model, gains),
+        ([resized(r, gains) for r in known], [resized(r, gains) for r in unseen]),
+        laws,
+    )
 
 
 def not_again(diagnosis: ArmDiagnosis, law: str) -> frozenset[Key]:
     """Return the laws that efforts which were put right are not asked for again."""
+    if law == ZERO:
+        return frozenset(fault.key for fault in faults(diagnosis, law))
     at_motor = _at_motor(diagnosis)
     every = range(-1 if law == DELAY else 0, len(at_motor))
     kept = {f.key for f in diagnosis.found if f.key.law == law and not _held(diagnosis, f)}
@@ -95,15 +110,18 @@ def not_again(diagnosis: ArmDiagnosis, law: str) -> frozenset[Key]:
 
 
 def unmade(diagnosis: ArmDiagnosis, right: ArmDiagnosis, law: str) -> frozenset[Key]:
-    """Return the delays of a diagnosis that are none: efforts put in time by them are explained no better.
+    """Return the delays and zeros of a diagnosis that are none: efforts put in time by them are explained no better, or
+    bodies are no nearer the URDF's at positions counted from them.
 
-    A delay is found by the first term of its series. Beyond that, and where what is missing is something else, only
-    shifting the efforts in earnest tells. ``right`` is the diagnosis of efforts that were shifted.
+    Both are found by the first term of a series. Beyond that, and where what is missing is something else, only
+    shifting in earnest tells. ``right`` is the diagnosis of what was shifted.
     """
-    if law != DELAY:
+    if law == GAIN:
         return frozenset()
     laws, estimate = faults(diagnosis, law), diagnosis.estimate
     without = diagnosis.state.without(estimate, *(name for fault in laws for name in fault.names))
+    if law == ZERO:
+        return frozenset() if right.estimate.tension < without.tension else frozenset(fault.key for fault in laws)
     fall = 1.0 - (right.estimate.matched_rms / without.matched_rms) ** 2
     shown = {fault.key: np.nanmax(fall) if fault.key.at < 0 else fall[fault.key.at] for fault in laws}
     return frozenset(key for key, share in shown.items() if not share > MIN_VALIDATION_SHARE)

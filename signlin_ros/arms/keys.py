@@ -8,12 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-DELAY, GAIN = "sensor_delay", "sensor_gain"
-"""Names of the laws that an effort is recorded later than the motion, and that it shows another size than what acts."""
+DELAY, GAIN, ZERO = "sensor_delay", "sensor_gain", "joint_zero"
+"""Names of the laws that an effort is recorded later than the motion, that it shows another size than what acts, and
+that a position is counted from elsewhere than in the URDF.
+"""
 SEEN_ELSEWHERE = ("compliant_load", GAIN)
 """Laws of a joint that others may show: bodies that fit a wrong gain of one joint are wrong for its neighbours.
 
 No model that is written has them: a gain is taken out of the efforts first, an elastic gear has states of its own.
+"""
+BODIES_IMITATE = ("payload", ZERO)
+"""Laws that bodies far from those of the URDF imitate: they stand where they relieve these, not where unseen rows gain.
 """
 
 
@@ -51,4 +56,4 @@ def names_of(key: Key) -> tuple[str, ...]:
     return ("tilt.x", "tilt.y") if key.law == "tilt" else (f"{key.at}.{key.law}",)
 
 
-__all__ = ["DELAY", "GAIN", "SEEN_ELSEWHERE", "Key", "SearchResult", "names_of"]
+__all__ = ["BODIES_IMITATE", "DELAY", "GAIN", "SEEN_ELSEWHERE", "ZERO", "Key", "SearchResult", "names_of"]

@@ -25,6 +25,8 @@ SHAPE_VALUES = 6
 """Values of a parameter that does not enter linearly, of which each is tried."""
 POWERS = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8)
 """Powers of a velocity that are tried."""
+ZERO_STEP, ROUNDING = 1e-3, 1e-6
+"""rad (m) by which a position is moved to see what that needs; part of all efforts that is none."""
 NARROW, MAX_SHAPE_SHARE = 0.01, 0.5
 """The smallest and the largest of them, as a part of the joint's largest velocity."""
 
@@ -234,6 +236,27 @@ def compliance(rows: RegressionRows, i: int, loads: Loads) -> Array:
     return rows.whole(of)
 
 
+def zero(rows: RegressionRows, i: int, pi: Array) -> Array:
+    """Return the effort (N, 1) that the model needs more where joint i stands one rad (m) beyond what is recorded.
+
+    pi : (10 n,) bodies as the model's file has them: those of a fit have been bent to do without. Nothing where it does
+    not depend on that position, as at a first joint about gravity.
+    """
+    robot, step = rows.robot, ZERO_STEP
+
+    def of(piece: ArmSegment) -> Array:
+        sides = []
+        for way in (step, -step):
+            q = piece.q.copy()
+            q[:, i] += way
+            sides.append(inverse_dynamics(robot, q, piece.v, piece.a, pi))
+        return np.asarray((sides[0] - sides[1]) / (2.0 * step))[:, :, None]
+
+    found = rows.whole(of)
+    seen = np.abs(found).max(initial=0.0) > ROUNDING * np.abs(rows.y).max(initial=0.0)
+    return np.asarray(found if seen else np.zeros(found.shape))
+
+
 def across_gravity(robot: Robot) -> tuple[Array, float]:
     """Return two directions (2, 3) across gravity, and how strong it is in m/s²."""
     down = float(np.linalg.norm(robot.gravity)) or 1.0
@@ -277,4 +300,5 @@ __all__ = [
     "shapes",
     "tilt",
     "unit_of",
+    "zero",
 ]

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.arms.data import gains_of
-from signlin_ros.arms.keys import GAIN, Key, SearchResult
+from signlin_ros.arms.distance import BodyDistance
+from signlin_ros.arms.keys import GAIN, ZERO, Key, SearchResult
 from signlin_ros.arms.loaded import sentence
 from signlin_ros.arms.search import MIN_COEFFICIENT_ERRORS
 from signlin_ros.arms.study import Study
@@ -80,6 +81,19 @@ def _impossible(study: Study) -> list[str]:
     return [
         f"URDF: the body that {name} carries cannot exist: its pseudo-inertia has the eigenvalue {value:.2g} kg·m²"
         for name, value in study.robot.inconsistent().items()
+    ]
+
+
+def distance_notes(study: Study, bodies: BodyDistance) -> list[str]:
+    """Return a sentence on bodies that are farther from the URDF's than its tolerance says."""
+    if not bodies.beyond:
+        return []
+    said = f"the records ask for others than its tolerance of {study.model.arm.tolerance:.0%} allows"
+    how = f"Wald's statistic of {bodies.combinations} combinations is {bodies.statistic:.0f}, by chance up to"
+    farthest = f"{bodies.farthest} is farthest, by {bodies.tolerances:.2g} tolerances"
+    why = "a load or a tool that is not in the file, a joint's zero that is off, something that acts like a body"
+    return [
+        f"bodies of the URDF: {said} ({how} {bodies.most:.0f}; {farthest}): {why}, or a tolerance that is too small"
     ]
 
 
@@ -164,6 +178,9 @@ def unwritten(diagnosis: ArmDiagnosis) -> list[str]:
             why = "its motor turns other joints, too" if at_motor[i] else "its effort hardly shows what acts"
             said = f"{name}: {why}: the model that is written keeps effort.gain {gains[i]:.4g}"
             found.append(f"{said}, and its row is without the gain that was found ({gains[i] / (1.0 + value):.4g})")
+        elif law.key.law == ZERO:
+            way = f"{'turned' if not joint.prismatic else 'moved'} by {value:.3g} {joint.position_unit}"
+            found.append(f"{name}: the URDF that is written has its origin {way}, so that positions stay as recorded")
         elif law.key.law == "compliant_load":
             stiffness = f"{1.0 / value:.2g} {joint.effort_unit}/{joint.position_unit}"
             said = f"{name}: its elastic gear, {stiffness}, is told, and not in the model that is written"
@@ -193,6 +210,7 @@ def weighed_beside(diagnosis: ArmDiagnosis) -> list[str]:
 __all__ = [
     "as_good",
     "bent",
+    "distance_notes",
     "drift_notes",
     "name_of",
     "payload_alone",

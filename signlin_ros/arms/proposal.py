@@ -38,9 +38,7 @@ def proposal(study: Study, state: State, estimate: CoefficientEstimate) -> Propo
     model, robot = study.model, study.robot
     estimate, bodies = _bodies(study, state, estimate)
     values = dict(zip(estimate.design.names, estimate.theta.tolist(), strict=True))
-    source = model.arm.robot
-    text = source if model.arm.is_text else (model.folder / source).read_text(encoding="utf-8")
-    urdf = with_inertias(text, robot, bodies)
+    urdf = with_inertias(model.urdf, robot, bodies)
     motors = state.rows.pieces[0].motors[: robot.n]
     content = {
         **{k: v for k, v in model.to_dict().items() if k not in robot.names and k != "couplings"},

@@ -27,7 +27,7 @@ from signlin_ros.arms.heldout import (
     ratio_above_crawl,
     ratio_on_all,
 )
-from signlin_ros.arms.keys import DELAY, GAIN, SEEN_ELSEWHERE, Key, SearchResult, names_of
+from signlin_ros.arms.keys import BODIES_IMITATE, DELAY, GAIN, SEEN_ELSEWHERE, ZERO, Key, SearchResult, names_of
 from signlin_ros.arms.laws import (
     BASIC,
     EXTRA,
@@ -43,6 +43,7 @@ from signlin_ros.arms.laws import (
     payload,
     shapes,
     tilt,
+    zero,
 )
 from signlin_ros.arms.loaded import with_payloads
 from signlin_ros.arms.piece import RegressionRows
@@ -206,6 +207,9 @@ class State:
             return compliance(self.rows, key.at, loads), compliance(self.new, key.at, loads)
         if key.law == DELAY:
             return delay(self.rows, key.at, loads), delay(self.new, key.at, loads)
+        if key.law == ZERO:
+            given = np.asarray(self.robot.pi + self.carried)
+            return zero(self.rows, key.at, given), zero(self.new, key.at, given)
         drives = self._drives(loads)
         return gain(self.rows, key.at, drives[0]), gain(self.new, key.at, drives[1])
 
@@ -225,7 +229,9 @@ class State:
                 if kin or any(key.same(other) for other in taken):
                     continue
                 yield from ((replace(key, shape=shape), law) for shape in shapes(law, self.rows, i))
-            yield from ((Key(name, i), None) for name in (GAIN, "compliant_load", DELAY) if Key(name, i) not in taken)
+            yield from (
+                (Key(name, i), None) for name in (GAIN, "compliant_load", DELAY, ZERO) if Key(name, i) not in taken
+            )
         of_all = {"payload": self.payload_at is not None, "tilt": self.tilts, DELAY: self.tilts}
         yield from ((Key(name, -1), None) for name, may in of_all.items() if may and Key(name, -1) not in taken)
 
@@ -335,7 +341,7 @@ def _promises(state: State, estimate: CoefficientEstimate) -> tuple[list[_Promis
             continue
         P = X.T @ C
         S = C.T @ C - P.T @ inner @ P
-        if key.law != "payload" and (np.diag(S) < MIN_NEW_SHARE * np.sum(C**2, axis=0)).any():
+        if key.law not in BODIES_IMITATE and (np.diag(S) < MIN_NEW_SHARE * np.sum(C**2, axis=0)).any():
             continue
         d = C.T @ r
         coefficients = np.linalg.lstsq(S, d, rcond=1e-8)[0]
@@ -369,7 +375,7 @@ def _stands(
     sure = float(np.abs(values / np.maximum(errors, 1e-300)).max()) >= needed
     if not sure and (law is not None or elsewhere):
         sure = ratio_on_all(trial, names) >= needed
-    if key.law == "payload":
+    if key.law in BODIES_IMITATE:
         if not (sure and _relieved(estimate, trial, count) and worth > -0.01 * state.robot.n):
             return None
         worth = max(worth, _drop(estimate, trial) / max(len(state.rows), 1))
@@ -436,7 +442,7 @@ def _drop(estimate: CoefficientEstimate, trial: CoefficientEstimate) -> float:
 
 
 def _relieved(estimate: CoefficientEstimate, trial: CoefficientEstimate, count: int) -> bool:
-    """Tell whether a payload is what the inertial parameters were bent for: the squares and the distances from their
+    """Tell whether a law is what the inertial parameters were bent for: the squares and the distances from their
     priors together fall beyond doubt.
     """
     return _drop(estimate, trial) > float(chi2.isf(DOUBT, count)) and trial.tension < estimate.tension

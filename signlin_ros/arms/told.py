@@ -7,12 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from signlin_ros.arms.distance import BodyDistance
 from signlin_ros.arms.foretold import foretold_json, forward_json, forward_text, speed_unit
-from signlin_ros.arms.keys import DELAY, GAIN, SEEN_ELSEWHERE, SearchResult
+from signlin_ros.arms.keys import DELAY, GAIN, SEEN_ELSEWHERE, ZERO, SearchResult
 from signlin_ros.arms.laws import BY_EFFECT
 from signlin_ros.arms.notes import (
     as_good,
     bent,
+    distance_notes,
     name_of,
     payload_alone,
     resized_notes,
@@ -43,11 +45,11 @@ def compared_json(comparison: ArmComparison, source: str, data: list[str]) -> di
         "robot": {"payload": {}, "gains": {}, "couplings": _known_couplings(study)},
         "inverse": _inverse(comparison),
         "band_hz": study.band,
-        "urdf": _urdf(study),
+        "urdf": _urdf(study, comparison.bodies),
         "model": source,
         "data": data,
         "samples": sum(len(run) for runs in study.runs for run in runs),
-        "notes": study_notes(study),
+        "notes": [*study_notes(study), *distance_notes(study, comparison.bodies)],
     }
 
 
@@ -69,7 +71,7 @@ def diagnosed_json(diagnosis: ArmDiagnosis, text: str, source: str, data: list[s
     }
     couplings = [*_known_couplings(study), *map(list, diagnosis.couplings)]
     content["robot"] = {"payload": payload, "gains": gains, "couplings": couplings}
-    content["robot"] |= _delays(diagnosis)
+    content["robot"] |= {**_delays(diagnosis), **_zeros(diagnosis)}
     content["robot"] |= {"tilt": _tilt(diagnosis)} if _tilt(diagnosis) else {}
     content["notes"] += [*resized_notes(diagnosis), *unwritten(diagnosis), *weighed_beside(diagnosis), *bent(diagnosis)]
     return {
@@ -231,6 +233,19 @@ def _delays(diagnosis: ArmDiagnosis) -> dict[str, Any]:
     return {"delays": found} if found else {}
 
 
+def _zeros(diagnosis: ArmDiagnosis) -> dict[str, Any]:
+    """Return how much more than the angle (or the way) encoders show, by joint."""
+    study = diagnosis.comparison.study
+    found = {
+        study.names[f.key.at]: _value(
+            -float(f.values[0]), float(f.errors[0]), study.robot.joints[f.key.at].position_unit
+        )
+        for f in diagnosis.found
+        if f.key.law == ZERO
+    }
+    return {"zeros": found} if found else {}
+
+
 def _tilt(diagnosis: ArmDiagnosis) -> dict[str, Any]:
     for found in diagnosis.found:
         if found.key.law == "tilt":
@@ -239,8 +254,16 @@ def _tilt(diagnosis: ArmDiagnosis) -> dict[str, Any]:
     return {}
 
 
-def _urdf(study: Study) -> dict[str, Any]:
-    return {"consistent": not study.robot.inconsistent(), "inconsistent": study.robot.inconsistent()}
+def _urdf(study: Study, bodies: BodyDistance) -> dict[str, Any]:
+    distance = {
+        "statistic": bodies.statistic,
+        "by_chance": bodies.most,
+        "combinations": bodies.combinations,
+        "farthest": bodies.farthest,
+        "tolerances": bodies.tolerances,
+    }
+    wrong = study.robot.inconsistent()
+    return {"consistent": not wrong, "inconsistent": wrong, "distance": distance}
 
 
 def _ranking(diagnosis: ArmDiagnosis) -> list[dict[str, Any]]:
@@ -298,6 +321,8 @@ def parameters(study: Study, found: SearchResult) -> dict[str, Any]:
         return {"gain": _value(1.0 + value, error, "-")}
     if key.law == DELAY:
         return {"delay": _value(value, error, "s")}
+    if key.law == ZERO:
+        return {"offset": _value(-value, error, study.robot.joints[key.at].position_unit)}
     if key.law == "compliant_load":
         unit = "N·m/rad" if not study.robot.joints[key.at].prismatic else "N/m"
         return {"k": _value(1.0 / value, error / value**2, unit)}
@@ -327,12 +352,14 @@ def sentence(study: Study, found: SearchResult) -> str:
     """Return the sentence on a law, its size and its gain."""
     key, value = found.key, float(found.values[0])
     stiffness = _unit(study, key.at, "linear_stiffness", "k")
-    elsewhere = key.at < 0 or key.law in SEEN_ELSEWHERE
+    elsewhere = key.at < 0 or key.law in (*SEEN_ELSEWHERE, ZERO)
     i = int(np.nanargmax(np.log(found.before / found.after))) if elsewhere else key.at
     whose = f"the effort of {study.names[key.at]} is" if key.at >= 0 else "all efforts are"
     what = {
         DELAY: f"{whose} recorded {1e3 * abs(value):.2g} ± {1e3 * float(found.errors[0]):.1g} ms "
         f"{'later' if value > 0 else 'earlier'} than the motion",
+        ZERO: f"the zero of its encoder is off: it shows {abs(value):.3g} ± {float(found.errors[0]):.1g} "
+        f"{study.robot.joints[key.at].position_unit} {'less' if value > 0 else 'more'} than the URDF's angle",
         "load_dependent_friction": f"load-dependent friction, {100 * value:.2g} % of the load",
         "stribeck_friction": f"dry friction that falls with speed (Stribeck), over {key.shape:.2g}",
         "cubic_viscous_friction": f"viscous friction that grows {'faster' if value > 0 else 'slower'} than speed",
@@ -393,8 +420,11 @@ def _robot(diagnosis: ArmDiagnosis, told: Sequence[tuple[int, str]]) -> str:
     said += [why for at, why in told if at < 0]
     if diagnosis.only_payload and diagnosis.payload:
         said.append(payload_alone(diagnosis))
-    gain = "" if any(f.key.law == GAIN for f in diagnosis.found) else "wrong gain, "
-    return "; ".join(said) or f"no payload, {gain}delay, tilt or coupling is seen"
+    found = {f.key.law for f in diagnosis.found}
+    wrong = "".join(f"{what}, " for law, what in ((GAIN, "wrong gain"), (ZERO, "wrong zero")) if law not in found)
+    said = said or [f"no payload, {wrong}delay, tilt or coupling is seen"]
+    far = ["its bodies are not those of the URDF (see the notes)"] if diagnosis.comparison.bodies.beyond else []
+    return "; ".join([*said, *far])
 
 
 CANNOT = (

@@ -12,6 +12,7 @@ from signlin_ros.arms.ahead import WINDOW, Ahead, Witness, ahead, witnesses
 from signlin_ros.arms.coupling import find_coupling
 from signlin_ros.arms.data import ArmRun
 from signlin_ros.arms.detectable import detectable
+from signlin_ros.arms.distance import BodyDistance, body_distance
 from signlin_ros.arms.drift import Drift, drift
 from signlin_ros.arms.faults import FAULTS, Fault, faults, not_again, put_right, told_with, unmade
 from signlin_ros.arms.fit import CoefficientEstimate, blocks, fit
@@ -54,12 +55,14 @@ class ArmComparison:
     """How good a model of an arm is; ``basic`` fitted to the rows of the fit, ``all_data`` to unseen ones, too.
 
     ``matched``: RMS (n,) of what is left of unseen rows where friction differs between records, and is as it was there.
+    ``bodies``: how far those that the rows ask for are from the URDF's, beside all laws of the model.
     """
 
     study: Study
     table: JointTable
     basic: CoefficientEstimate
     all_data: CoefficientEstimate
+    bodies: BodyDistance
     matched: Array | None = None
 
 
@@ -126,9 +129,12 @@ def _compared(found: Study) -> ArmComparison:
     whole = found.of_all()
     all_data = settled(whole.state())  # the best numbers of basic friction, not a test
     found.loaded = whole.loaded = _loaded(whole, all_data)
-    found.warmth, found.drift = _in_time(whole, _in_file(found))
+    laws = _in_file(found)
+    found.warmth, found.drift = _in_time(whole, laws)
     state = found.state()
-    return ArmComparison(found, table, basic, all_data, settled(state).matched_rms if state.own else None)
+    beside = settled(state) if state.own else basic
+    bodies = body_distance(settled(replace(state, terms=laws)) if laws else beside)
+    return ArmComparison(found, table, basic, all_data, bodies, beside.matched_rms if state.own else None)
 
 
 def _loaded(whole: Study, all_data: CoefficientEstimate) -> Loaded | None:
@@ -193,19 +199,17 @@ def diagnose(
 
         return carried(comparison)
     told, before, known_faults = _searched(comparison, progress), list[Fault](), frozenset[Key]()
-    for law, done in FAULTS.items():
-        while faults(told, law):
-            progress(done)
-            right, runs = put_right(told, law)
-            again, own = known_faults | not_again(told, law), compare(right, *runs, comparison.study.band, progress)
-            put = _searched(own, progress, again)
-            if wrong := unmade(told, put, law):
-                known_faults |= wrong
-                told = _searched(comparison, progress, known_faults)
-                continue
-            before.append(Fault(told, faults(told, law)))
-            told, comparison, known_faults = put, own, again
-            break
+    while law := next((law for law in FAULTS if faults(told, law)), None):
+        progress(FAULTS[law])
+        right, runs, laws = put_right(told, law)
+        again, own = known_faults | not_again(told, law), compare(right, *runs, comparison.study.band, progress)
+        put = _searched(own, progress, again)
+        if wrong := unmade(told, put, law):
+            known_faults |= wrong
+            told = _searched(comparison, progress, known_faults)
+            continue
+        before.append(Fault(told, tuple(laws)))
+        told, comparison, known_faults = put, own, again
     progress(f"windows of {WINDOW:g} s")
     told = replace(_witnessed(told), detectable=detectable(told.state, told.estimate))
     return told_with(told, before)
@@ -353,7 +357,8 @@ def _told(
     differs, changes = _in_time(found.of_all(), written.terms)
     again = replace(found, warmth=differs, drift=changes)
     table = replace(comparison.table, model=own)
-    compared = replace(comparison, study=again, table=table, matched=estimate.matched_rms if state.own else None)
+    matched = estimate.matched_rms if state.own else None
+    compared = replace(comparison, study=again, table=table, bodies=body_distance(estimate), matched=matched)
     laws = tuple(_as_settled(law, estimate) for law in state.found)
     return ArmDiagnosis(compared, state, estimate, laws, tuple(missing), tuple(couplings), new, payload)
 

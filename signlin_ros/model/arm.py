@@ -159,6 +159,11 @@ class ArmModel(Model):
         return self.arm_plant.robot
 
     @property
+    def urdf(self) -> str:
+        """The text of the robot's URDF."""
+        return self.arm.robot if self.arm.is_text else (self.folder / self.arm.robot).read_text(encoding="utf-8")
+
+    @property
     def effort_delays(self) -> tuple[float, ...]:
         """Seconds by which the effort of each joint is recorded later than the motion."""
         own = dict(self.arm.efforts)

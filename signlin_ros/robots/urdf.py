@@ -271,14 +271,14 @@ class _Reader:
             joint = self.joints[at]
             self.joints[at] = replace(joint, pi=joint.pi + moved(self.links[link], R, t))
         for element in self.below.get(link, ()):
-            Rj, pj = _origin(element)
+            Rj, pj = origin_of(element)
             R2, t2 = exact(R @ Rj), R @ pj + t
             child, name = _end(element, "child", self.source), str(element.get("name"))
             if name in self.moving:
                 self.joints.append(_joint(element, name, child, at, R2, t2, self.source))
                 self._walk(child, len(self.joints) - 1, np.eye(3), np.zeros(3))
             else:
-                R3, t3 = _locked(element, self.locked.get(name, 0.0))
+                R3, t3 = locked_at(element, self.locked.get(name, 0.0))
                 self._walk(child, at, exact(R2 @ R3), R2 @ t3 + t2)
 
 
@@ -300,7 +300,7 @@ def _axis(element: ET.Element, source: str = "") -> Array:
     return exact(axis / size)
 
 
-def _locked(element: ET.Element, position: float) -> tuple[Array, Array]:
+def locked_at(element: ET.Element, position: float) -> tuple[Array, Array]:
     """Return rotation and translation of a joint that is locked at a position."""
     if position == 0.0 or element.get("type") not in MOVING_JOINTS:
         return np.eye(3), np.zeros(3)
@@ -311,7 +311,7 @@ def _locked(element: ET.Element, position: float) -> tuple[Array, Array]:
     return np.eye(3) + math.sin(position) * K + (1.0 - math.cos(position)) * K @ K, np.zeros(3)
 
 
-def _origin(element: ET.Element | None) -> tuple[Array, Array]:
+def origin_of(element: ET.Element | None) -> tuple[Array, Array]:
     """Return rotation (3, 3) and translation (3,) of an element's <origin>."""
     origin = None if element is None else element.find("origin")
     if origin is None:
@@ -343,7 +343,7 @@ def _body(link: ET.Element, source: str) -> Array:
     inertial = link.find("inertial")
     if inertial is None:
         return np.zeros(TEN)
-    R, xyz = _origin(inertial)
+    R, xyz = origin_of(inertial)
     mass, inertia = inertial.find("mass"), inertial.find("inertia")
     if mass is None or inertia is None:
         raise ModelError(f"robot: {source}: <inertial> of link {link.get('name')!r} needs <mass> and <inertia>")
@@ -352,4 +352,14 @@ def _body(link: ET.Element, source: str) -> Array:
     return about_centre(float(_numbers(mass.get("value"), 1)[0]), xyz, R @ own @ R.T)
 
 
-__all__ = ["MOVING_JOINTS", "ROTATION_TOLERANCE", "Joint", "Robot", "exact", "read_urdf", "rotation"]
+__all__ = [
+    "MOVING_JOINTS",
+    "ROTATION_TOLERANCE",
+    "Joint",
+    "Robot",
+    "exact",
+    "locked_at",
+    "origin_of",
+    "read_urdf",
+    "rotation",
+]

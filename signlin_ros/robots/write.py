@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.robots.inertia import inertia_matrix, moved
-from signlin_ros.robots.urdf import Robot
+from signlin_ros.robots.urdf import Robot, locked_at, origin_of
 
 Array = NDArray[np.float64]
 
@@ -47,12 +47,50 @@ def with_dynamics(text: str, values: Mapping[str, tuple[float, float]]) -> str:
     return '<?xml version="1.0"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
 
 
+def with_zeros(text: str, offsets: Mapping[str, float]) -> str:
+    """Return the text of a URDF in which joints stand by some rad (m) farther at every position, and as far at limits.
+
+    A joint's origin is turned about its axis, or moved along it; limits of the position are moved back.
+    """
+    root = ET.fromstring(text, parser=ET.XMLParser(target=ET.TreeBuilder(insert_comments=True)))
+    for joint in root.findall("joint"):
+        if joint.get("name") not in offsets:
+            continue
+        offset = offsets[str(joint.get("name"))]
+        (R, p), (turned, along) = origin_of(joint), locked_at(joint, offset)
+        for old in joint.findall("origin"):
+            joint.remove(old)
+        joint.insert(0, ET.Element("origin", xyz=_written(p + R @ along), rpy=_written(roll_pitch_yaw(R @ turned))))
+        for limit in joint.findall("limit"):
+            for end in ("lower", "upper"):
+                if limit.get(end) is not None:
+                    limit.set(end, repr(float(str(limit.get(end))) - offset))
+    ET.indent(root)
+    return '<?xml version="1.0"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
+
+
+def roll_pitch_yaw(R: Array) -> Array:
+    """Return roll, pitch and yaw (3,) of a rotation matrix (3, 3)."""
+    pitch = np.arctan2(-R[2, 0], np.hypot(R[0, 0], R[1, 0]))
+    if np.hypot(R[0, 0], R[1, 0]) < UPRIGHT:
+        return np.array([np.arctan2(-R[1, 2], R[1, 1]), pitch, 0.0])
+    return np.array([np.arctan2(R[2, 1], R[2, 2]), pitch, np.arctan2(R[1, 0], R[0, 0])])
+
+
+UPRIGHT = 1e-9
+"""Cosine of a pitch below which only the difference of roll and yaw is known."""
+
+
+def _written(values: Array) -> str:
+    return " ".join(repr(float(v)) for v in values)
+
+
 def _inertial(pi: Array) -> ET.Element:
     m = float(pi[0])
     centre = pi[1:4] / m if m > 0.0 else np.zeros(3)
     about = inertia_matrix(moved(pi, np.eye(3), -centre))
     element = ET.Element("inertial")
-    ET.SubElement(element, "origin", xyz=" ".join(repr(float(v)) for v in centre), rpy="0 0 0")
+    ET.SubElement(element, "origin", xyz=_written(centre), rpy="0 0 0")
     ET.SubElement(element, "mass", value=repr(m))
     names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
     values = about[np.triu_indices(3)]
@@ -60,4 +98,4 @@ def _inertial(pi: Array) -> ET.Element:
     return element
 
 
-__all__ = ["with_dynamics", "with_inertias"]
+__all__ = ["with_dynamics", "with_inertias", "with_zeros"]
