@@ -97,6 +97,14 @@ def distance_notes(study: Study, bodies: BodyDistance) -> list[str]:
     ]
 
 
+def of_records(study: Study) -> frozenset[int]:
+    """Return the joints of which records have something of their own beyond doubt: friction, or what all carry."""
+    if study.loaded is not None:
+        return frozenset(range(study.robot.n))
+    warm = [] if study.warmth is None else [i for i, _ in differing(study.warmth)]
+    return frozenset([*warm, *([] if study.drift is None else [i for i, _ in study.drift.told()])])
+
+
 def warmth_notes(study: Study) -> list[str]:
     """Return a sentence on joints whose friction differs between records beyond doubt."""
     if study.warmth is None:
@@ -213,6 +221,7 @@ __all__ = [
     "distance_notes",
     "drift_notes",
     "name_of",
+    "of_records",
     "payload_alone",
     "resized_notes",
     "study_notes",

@@ -16,6 +16,7 @@ from signlin_ros.arms.notes import (
     bent,
     distance_notes,
     name_of,
+    of_records,
     payload_alone,
     resized_notes,
     study_notes,
@@ -390,7 +391,7 @@ def _range(study: Study) -> dict[str, list[float]]:
 def sentences(diagnosis: ArmDiagnosis) -> list[str]:
     """Return one sentence for each joint, and one for the robot."""
     study, table = diagnosis.comparison.study, diagnosis.comparison.table
-    lines, left = [], _unexplained(diagnosis.comparison)
+    lines, left, own = [], _unexplained(diagnosis.comparison), of_records(study)
     efforts, told = study.new.by_joint(study.new.y), _whys(diagnosis)
     for i, name in enumerate(study.names):
         unit = study.robot.joints[i].effort_unit
@@ -399,7 +400,7 @@ def sentences(diagnosis: ArmDiagnosis) -> list[str]:
             said = [study.barred.get(i) or study.link_side[i]]
         elif not said:
             rest = f"{table.model[i]:.3g} {unit} of {efforts[i]:.3g} are left"
-            if diagnosis.comparison.matched is not None:
+            if diagnosis.comparison.matched is not None and i in own:
                 rest += f" ({diagnosis.comparison.matched[i]:.3g} beside what is that record's own)"
             said = [f"nothing listed is missing; {rest}" + (", unexplained" if left[i] else "")]
         lines.append(f"{name}: {'; '.join(said)}")

@@ -10,7 +10,7 @@ from signlin_ros.arms.data import ArmRun
 from signlin_ros.arms.fit import IN_RECORD
 from signlin_ros.arms.keys import Key, names_of
 from signlin_ros.arms.laws import EXTRA
-from signlin_ros.arms.notes import warmth_notes
+from signlin_ros.arms.notes import of_records, warmth_notes
 from signlin_ros.arms.search import settled
 from signlin_ros.arms.verbs import compare, diagnose
 from signlin_ros.arms.warmth import Warmth, _scatter, differing, name_of_size
@@ -88,6 +88,13 @@ def test_how_much_friction_differs_is_told_by_joint_and_record(loaded):
 
 
 @pytest.mark.slow
+def test_only_joints_whose_friction_differs_have_something_that_is_their_records_own(loaded):
+    assert of_records(replace(loaded, drift=None)) == {i for i, _ in differing(loaded.warmth)} != set()
+    errors = np.full_like(loaded.warmth.sizes, 0.02)
+    scattered = replace(loaded.warmth, sizes=0.02 * np.sign(loaded.warmth.sizes), errors=errors, spread=0.01)
+    assert of_records(replace(loaded, drift=None, warmth=scattered)) == set()
+
+
 def test_a_law_is_found_in_records_of_different_warmth(loaded):
     found = diagnose(MODEL, *loaded.runs, BAND)
     (law,) = found.found
