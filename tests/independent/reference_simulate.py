@@ -116,6 +116,7 @@ def flat(content: dict[str, Any]) -> Array:
 def simulate(content: dict[str, Any], t: Array, u: dict[str, Array], step: float | None = None) -> dict[str, Array]:
     """The states (T,) by name under the inputs (T,) by name, from the model's initial_state."""
     start, plant = content.get("initial_state", {}), content["plant"]
+    t, u = np.ascontiguousarray(t), {name: np.ascontiguousarray(column) for name, column in u.items()}  # one type
     if plant == "bouc_wen":
         names = ("displacement", "velocity", "hysteresis")
         order = ("m", "c", "k", "alpha", "D", "lambda", "beta", "gamma", "n")

@@ -27,6 +27,8 @@ from reference_simulate import read_csv, simulate, write_csv
 
 from signlin_ros import cli
 
+pytestmark = pytest.mark.xdist_group("reference")  # whose kernels are compiled once
+
 
 def signlin(*arguments):
     """The command line, in this process; its standard output."""

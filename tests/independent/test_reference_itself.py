@@ -9,7 +9,7 @@ from reference_linearize import Reference, derivative, sign_j
 from reference_simulate import simulate
 from scipy.linalg import expm
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("reference")]  # whose kernels are compiled once
 
 
 def floats(nested):
