@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from signlin_ros.estimate import StateEstimator
 from signlin_ros.model import Model
 from signlin_ros.observe.observer import KalmanObserver
-from signlin_ros.simulation import KINDS, simulate
+from signlin_ros.simulation import KINDS, SmoothFlow, simulate
 
 
 def warm_up(model: Model) -> float:
@@ -20,6 +20,7 @@ def warm_up(model: Model) -> float:
     u = np.zeros((4, len(model.inputs)))
     for kind in KINDS:
         simulate(model, t, u, kind=kind)
+    SmoothFlow(model, 1e-3)(model.x0, u[0])  # a node's midpoint
     for channel in [name for name in (model.plant.position, model.plant.velocity) if name in model.states][:1]:
         observer = KalmanObserver(model, [channel])
         observer.record(t, {channel: np.zeros(t.size)}, u)

@@ -1,4 +1,4 @@
-"""Compile ahead: everything that a diagnosis, a comparison and a controller will need, once, onto the disk."""
+"""Compile ahead: everything that a diagnosis, a comparison, gains and a controller will need, once, onto the disk."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.control.controller import Controller, ControllerSettings
+from signlin_ros.control.gains import Wishes, gains_content
 from signlin_ros.diagnosis.comparison import compare
 from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA
 from signlin_ros.diagnosis.output_error import FitCache, estimator_of
@@ -27,8 +28,8 @@ MOST_SHOWN = "load_dependent_friction"
 
 
 def warm_up() -> float:
-    """Diagnose and compare a short simulated record that lacks friction, follow it with a play, and control a motor;
-    returns the seconds taken.
+    """Diagnose and compare a short simulated record that lacks friction, follow it with a play, control a motor and
+    choose its gains; returns the seconds taken.
     """
     begun = time.perf_counter()
     model = Model.from_dict({"plant": "dc_motor", "parameters": WARMING_MOTOR})
@@ -37,6 +38,7 @@ def warm_up() -> float:
     diagnose(model, known, unseen, jobs=1)
     compare(model, known)
     Controller(Model.load("dc_motor"), ControllerSettings(limit=12.0))
+    gains_content(Model.load("dc_motor"), {}, Wishes(limit=12.0))
     motion = estimator_of(*prepared(model, [known], [unseen]), DEFAULT_CRITERIA, FitCache(), jobs=1)
     motion.at_values_of(["backlash"], model.with_effect("backlash", None, gap=0.5, k=20.0, c=0.05, J=5e-4))
     return time.perf_counter() - begun

@@ -112,8 +112,9 @@ def _equations(observer: Observer, force_unit: str) -> list[_Equation]:
 def _missing(observer: Observer, equation: _Equation, design: ObserverDesign) -> Missing:
     row = design.spread[equation.state] / equation.per_unit
     noise, gain, resolution = _response(observer, equation, design)
-    left = (np.nan_to_num(run.innovation) for run in observer.runs(design))
-    values = tuple(_backwards(design.back, design.weigh, e) @ row / gain for e in left)
+    back, weigh = np.ascontiguousarray(design.back), np.ascontiguousarray(design.weigh)
+    left = (np.nan_to_num(np.ascontiguousarray(run.innovation)) for run in observer.runs(design))
+    values = tuple(_backwards(back, weigh, e) @ row / gain for e in left)
     typical = float(observer.typical[equation.state] / abs(equation.per_unit))
     return Missing(equation.name, equation.unit, values, noise / gain, resolution, typical)
 

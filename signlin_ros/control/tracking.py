@@ -3,7 +3,8 @@
 The plant is that of `signlin_ros.simulation`, kind exact, marched by the same kernel from sample to sample.
 """
 
-# Numba infers the types in here; mypy cannot see through its decorators.
+# Numba infers the types in here; mypy cannot see through its decorators. What is literal (True) is a type of its own,
+# for which a function is compiled once more: hence conditions.
 # mypy: allow-untyped-defs, allow-untyped-calls, disable-error-code="misc"
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ def _act(at, links, w, t, h, start, part, period, held, value, rtol, events):
     if status == OK:
         held[0] = value
         hold(at, w, held)
-        begin(at, links, w, False)
+        begin(at, links, w, part < 0.0)
         status, t, h, _ = march(at, links, w, t, start + period, h, rtol, events, 0)
     return status, t, h
 
@@ -57,7 +58,7 @@ def follow(at, links, slots, p, x0, delay, references, feed, noise, law, memory,
     events = np.zeros((0, 3))
     t, h, status = 0.0, np.inf, OK
     hold(at, w, held)
-    begin(at, links, w, True)
+    begin(at, links, w, t == 0.0)
     for k in range(references.shape[0]):
         for i in range(2):
             X[k, i] = w[at.x + slots[i]] if slots[i] >= 0 else 0.0

@@ -110,7 +110,7 @@ def _everything(r: Regression) -> Columns:
     def columns(piece: ForceSegment) -> Array:
         Z = np.clip((_coordinates(piece) - mean) / spread, -3.0, 3.0)
         direction = np.sign(piece.v)[:, None]
-        seen = [piece.seen(slipping(piece.q, widths) / widths)]
+        seen = [piece.seen(slipping(np.ascontiguousarray(piece.q), widths) / widths)]
         seen += [piece.seen(np.cos(Z @ W[:, part] + phase[part])) for part in piece.at_once(FEATURES)]
         return np.hstack([*seen, *(piece.seen(one) for one in (Z, Z[:, :1] * Z[:, 1:], direction, direction * Z))])
 
