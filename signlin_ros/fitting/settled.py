@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
@@ -24,6 +25,8 @@ MIN_STEP_OVER_SETTLING = 10.0
 """Time constants in a step from which on a state follows at once."""
 MIN_SAMPLES = 3
 """Samples from which on changes are compared."""
+INSTRUMENTS = (2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0)
+"""Time constants in samples of the low-passed inputs that foretell how the velocity changes."""
 
 
 def with_settled(
@@ -69,6 +72,9 @@ def restored(model: Model, given: Model) -> Model:
 def reads_before(model: Model, data: Sequence[ModelData]) -> bool:
     """Tell whether outputs that follow at once were read before the inputs of their samples acted: then their changes
     from sample to sample go with those of the input of the sample before, beside those of the velocity.
+
+    By instrumental variables [Ljung, System Identification, 2nd ed., sec. 7.6]: the velocity's noise is larger than its
+    changes in a slow motion, which would be taken for the input's then.
     """
     names = [name for name in model.plant.algebraic(model.parameters) if all(name in one.measured for one in data)]
     return any(_goes_with_earlier(model, data, name) for name in names)
@@ -78,23 +84,32 @@ def _goes_with_earlier(model: Model, data: Sequence[ModelData], name: str) -> bo
     rows = [_changes(model, one, name) for one in data if len(one) > MIN_SAMPLES]
     if not rows:
         return False
-    shown, X = np.concatenate([y for y, _ in rows]), np.concatenate([columns for _, columns in rows])
+    shown, X, Z = (np.concatenate(parts) for parts in zip(*rows, strict=True))
     good = np.isfinite(shown) & np.all(np.isfinite(X), axis=1)
     if not good.any():
         return False
-    now, before, _ = np.abs(np.linalg.lstsq(X[good], shown[good], rcond=None)[0])
+    foretold = Z[good] @ np.linalg.lstsq(Z[good], X[good], rcond=None)[0]
+    now, before, _ = np.abs(np.linalg.lstsq(foretold, shown[good], rcond=None)[0])
     return bool(before > now)
 
 
-def _changes(model: Model, record: ModelData, name: str) -> tuple[Array, Array]:
-    """Return the changes (T - 2,) of an output from sample to sample, and those (T - 2, 3) of the first input, of the
-    same one sample before, and of the velocity.
+def _changes(model: Model, record: ModelData, name: str) -> tuple[Array, Array, Array]:
+    """Return the changes (T - 2,) of an output from sample to sample; those (T - 2, 3) of the first input, of the same
+    one sample before, and of the velocity; and their instruments (T - 2, 2 + len(INSTRUMENTS)): of the input both, and
+    of the input low-passed, up to the sample before.
     """
     v, q = (record.measured.get(one) for one in (model.plant.velocity, model.plant.position))
     if v is None:
         v = np.zeros(len(record)) if q is None else np.gradient(q, record.t)
     moved = np.diff(record.u[:, 0])
-    return np.diff(record.measured[name])[1:], np.column_stack([moved[1:], moved[:-1], np.diff(v)[1:]])
+    inputs = np.column_stack([moved[1:], moved[:-1]])
+    keeps = np.exp(-1.0 / np.array(INSTRUMENTS))
+    slow = [lfilter([1.0 - keep], [1.0, -keep], moved)[:-1] for keep in keeps]
+    return (
+        np.diff(record.measured[name])[1:],
+        np.column_stack([inputs, np.diff(v)[1:]]),
+        np.column_stack([inputs, *slow]),
+    )
 
 
 __all__ = ["reads_before", "restored", "with_settled"]

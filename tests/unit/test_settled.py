@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from signlin_ros.diagnosis import add, diagnose
 from signlin_ros.fitting.settled import MIN_STEP_OVER_SETTLING, reads_before, restored, with_settled
@@ -62,6 +63,20 @@ def test_a_winding_that_a_record_tells_of_stays_as_it_is():
 @pytest.mark.parametrize("when", ["now", "before"])
 def test_the_record_tells_which_voltage_a_current_belongs_to(when):
     assert reads_before(motor(), [logged(2, when)]) is (when == "before")
+
+
+@pytest.mark.parametrize("when", ["now", "before"])
+def test_noise_of_a_slow_speed_is_not_taken_for_the_voltage(when):
+    """From sample to sample the speed changes by less than its noise; its own regression halves its coefficient."""
+    rng, t = np.random.default_rng(10), np.arange(0.0, 16.0, STEP)
+    u = 6.0 * np.sin(2.0 * t) + 2.0 * np.sin(5.0 * t + 1.0)
+    speed = lfilter([STEP / 0.2], [1.0, STEP / 0.2 - 1.0], np.concatenate([[0.0], u[:-1]])) / VALUES["K_m"]
+    acting = u if when == "now" else np.concatenate([[0.0], u[:-1]])
+    current = (acting - VALUES["K_m"] * speed) / VALUES["R_a"]
+    measured = {"current": current + rng.normal(0.0, 0.01, t.size), "speed": speed + rng.normal(0.0, 0.8, t.size)}
+    units = {"voltage": "V", "current": "A", "speed": "rad/s"}
+    record = ModelData(t, u[:, None], measured, None, ("voltage",), ("current", "speed"), units)
+    assert reads_before(motor(), [record]) is (when == "before")
 
 
 def test_a_current_that_was_read_before_its_voltage_acted_keeps_its_equation():
