@@ -285,6 +285,11 @@ class ValidationTests:
         imposed = (self.imposed or 0.0) ** 2 if self.names else 0.0
         return max(effort, imposed) > 100.0**2 * self.criteria.max_force_mse_left
 
+    @property
+    def floats(self) -> bool:
+        """Whether one of the effects has a load that moves freely for a time, where nothing shows its place."""
+        return any(find_effect(n, "effects").floating for n in self.names)
+
     def has_idle_law(self) -> bool:
         """Tell whether one of several laws does not surely take away force, where forces tell of it."""
         evidence, several = self.evidence, self.names if len(self.names) > 1 else ()

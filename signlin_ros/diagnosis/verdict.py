@@ -129,14 +129,17 @@ def _reason_by_force(tests: ValidationTests) -> str:
 
 
 def _reason_by_motion(tests: ValidationTests) -> str:
-    """Return the reason where no force residual is seen: the residual of the motion must be noise, or small."""
+    """Return the reason where no force residual is seen: the residual of the motion must be noise, or small; where a
+    load floats, whose place nobody sees while the play is crossed, near the noise.
+    """
     noise = tests.evidence.residual_is_white(tests.final) or tests.of_steps
     near = tests.evidence.near_any_noise(tests.final)
     if tests.names and not near and (noise or tests.percent is None):
         explained = tests.explains_all_force or not tests.leaves_much_motion
         explained = explained or (tests.carries_over and not tests.generalizes_badly)
         return "" if explained else "elsewhere" if tests.generalizes_badly else "structure"
-    return "" if noise or tests.within_noise or tests.leaves_little else "structure"
+    follows = tests.floats and tests.evidence.near_noise(tests.final) and not tests.leaves_much_motion
+    return "" if noise or tests.within_noise or tests.leaves_little or follows else "structure"
 
 
 def verdict_of(evidence: Evidence, selection: Selection) -> Verdict:

@@ -211,6 +211,11 @@ class Effect(HasPars):
         """
         return cls.free_within(p) >= max(low, -high, 0.0)
 
+    @classmethod
+    def is_resolved(cls, p: Mapping[str, float], step: float) -> bool:
+        """Tell whether samples so many s apart can show it: the instant of a sample is not known to the last digit."""
+        return True
+
     def force(self, m: Any, x: Any, p: Any) -> Any:
         """Return the force on the moving mass."""
         return 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from signlin_ros.effects.base import Effect
@@ -10,6 +11,8 @@ from signlin_ros.scale import Scale
 
 MAX_DELAY_SAMPLES = 12
 """Delays that are tried one by one where none leads to another."""
+MIN_DELAY_STEPS = 0.01
+"""Least delay in samples that is one: what is less is jitter of the clock, or the lag of a winding that has settled."""
 
 
 class InputDelay(Effect):
@@ -32,6 +35,10 @@ class InputDelay(Effect):
         """
         late = (k + 0.75 for k in range(MAX_DELAY_SAMPLES)) if scale.imposed else (1.5, 4.5)
         return [{"T": samples * scale.step} for samples in late]
+
+    @classmethod
+    def is_resolved(cls, p: Mapping[str, float], step: float) -> bool:
+        return p["T"] >= MIN_DELAY_STEPS * step
 
     def delay(self, p: Any) -> Any:
         return p.T

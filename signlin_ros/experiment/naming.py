@@ -108,7 +108,7 @@ def _fitted(motion: OutputErrorEstimator, name: str) -> FittedModel:
         return motion.base
     effects = name.split("+")
     best = motion.fitted(effects)
-    options = motion.cross_entropy(motion.base, effects) if len(effects) == 1 and EFFECTS[effects[0]].rugged else []
+    options = motion.evolved(motion.base, effects) if len(effects) == 1 and EFFECTS[effects[0]].rugged else []
     return min([best, *options], key=lambda f: float(np.nansum(f.training_squares / motion.training.noise**2)))
 
 

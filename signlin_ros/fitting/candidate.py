@@ -26,6 +26,8 @@ MAX_LOG_SENSOR_GAIN = 0.7
 """Largest logarithm of a sensor's gain: about twice or half; more would stand in for an inertia that is known."""
 MAX_LOG_LOAD_CHANGE = 3.0
 """Largest change of the logarithm of a floating load's inertia: one much larger stands still, and is a spring."""
+LOAD_WANDER = 0.05
+"""How far a floating load wanders in a second beside what a model says of it: parts of excursion, velocity."""
 SHAPE = 3.0
 """Standard deviation of the prior on the logarithm of a new effect's positive parameters."""
 
@@ -77,7 +79,8 @@ class Coordinate:
 @dataclass(frozen=True)
 class Candidate:
     """A model to be fitted: its free parameters as coordinates, its values elsewhere. ``label``: what was added to it;
-    ``alert``: whether an extended Kalman filter follows sensitive motion; ``starts``: where its records start.
+    ``alert``: whether an extended Kalman filter follows sensitive motion, and ``load_wander``: how far this lets a
+    floating load wander in a second, in parts of excursion and velocity; ``starts``: where its records start.
     """
 
     model: Model
@@ -86,6 +89,7 @@ class Candidate:
     values: dict[str, float]
     label: tuple[str, ...] = ()
     alert: bool = True
+    load_wander: float = LOAD_WANDER
     starts: dict[tuple[Any, ...], Any] = field(default_factory=dict, compare=False, repr=False)
 
     @functools.cached_property

@@ -23,8 +23,8 @@ Array = NDArray[np.float64]
 Followed = tuple[list[Array], list[Array], list[Array]]
 """Innovations, their derivatives and states of every record."""
 
-LOAD_START_SPREAD, WANDER = 0.3, 0.05
-"""How uncertain the start of a floating load is, and how far it wanders in a second: parts of excursion, velocity."""
+LOAD_START_SPREAD = 0.3
+"""How uncertain the start of a floating load is: parts of excursion, velocity."""
 MAX_PHASE_STEP, MAX_PHASE_RATIO = 0.8, 1.5
 """Largest phase in rad by which a periodic force may turn in a substep, at that multiple of the RMS velocity."""
 MAX_REST_SPEED, MAX_START_SAMPLES, START_TIME_CONSTANTS = 0.02, 400, 3.0
@@ -112,7 +112,11 @@ def _belief(problem: Problem, c: Candidate, gains: ObserverGains, shown: Mapping
             continue
         own = name.rpartition(".")[2]
         size = LOAD_START_SPREAD * apart.get(own, 0.0) if name in floating else 0.0
-        found[:, i] = WANDER**2 * size**2 * scale.step / larger, size**2 / larger, 2.0 if own == "position" else 1.0
+        found[:, i] = (
+            c.load_wander**2 * size**2 * scale.step / larger,
+            size**2 / larger,
+            2.0 if own == "position" else 1.0,
+        )
     return found
 
 

@@ -82,10 +82,17 @@ def test_a_loop_that_hardens_is_told_alone(variant):
         pytest.param("single", 13, 69, id="friction whose level rises for that of a real one"),
         pytest.param("single", 15, 69, id="friction that leaves a base which no force is right about"),
         pytest.param("single", 0, 69, id="a play with minima around the one that breeding finds"),
+        pytest.param("single", 42, 80, id="a play that validation data alone show to be another one"),
+        pytest.param("single", 84, 80, id="a play that nobody sees the load cross"),
     ],
 )
 def test_a_law_is_told_alone_where_another_minimum_or_a_rise_by_chance_hid_it(group, index, seed):
     found = judge(run(Task(group, index, seed)))
+    assert (found["right"], found["several"]) == (True, False)
+
+
+def test_a_play_is_told_where_its_first_minimum_is_not_its_own():
+    found = judge(run(Task("single", 97, 80)))
     assert (found["right"], found["several"]) == (True, False)
 
 

@@ -7,6 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from signlin_ros.diagnosis import add, diagnose
+from signlin_ros.effects import EFFECTS
 from signlin_ros.fitting.settled import MIN_STEP_OVER_SETTLING, reads_before, restored, with_settled
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
@@ -120,3 +121,8 @@ def test_a_current_tells_of_the_resistance_where_there_is_no_inductance():
 def test_a_record_of_few_samples_tells_no_order(count):
     assert not reads_before(motor(), [logged(9).part(0, count)])
     with_settled(motor(L_a=1e-4), [logged(9).part(0, count)])
+
+
+@pytest.mark.parametrize(("steps", "resolved"), [(0.005, False), (0.02, True), (1.5, True)])
+def test_a_delay_of_next_to_nothing_of_a_sample_is_none(steps, resolved):
+    assert EFFECTS["input_delay"].is_resolved({"T": steps * STEP}, STEP) is resolved

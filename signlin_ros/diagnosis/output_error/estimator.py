@@ -22,7 +22,7 @@ from signlin_ros.diagnosis.output_error.fitting import (
     MAX_STARTS,
     MIDDLE_STEPS,
     cheapest,
-    cross_entropy_fit,
+    evolved_fit,
     multi_start_fit,
     screened,
     window_squares,
@@ -42,7 +42,7 @@ from signlin_ros.diagnosis.wording import phrases
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import ModelError, SimulationError
 from signlin_ros.fitting.candidate import Candidate, candidate
-from signlin_ros.fitting.fit import Fit, fit
+from signlin_ros.fitting.fit import Fit, evaluated, fit
 from signlin_ros.fitting.gains import linear_base
 from signlin_ros.fitting.prepare import stretched
 from signlin_ros.fitting.problem import Problem
@@ -51,6 +51,8 @@ from signlin_ros.model import Model
 from signlin_ros.model.numbers import numbers
 from signlin_ros.scale import MAX_STEP_OVER_TIME_CONSTANT
 
+EVOLUTIONS = 2
+"""How often an effect of many local minima is sought from other starts, at most."""
 BEAM = 2
 """How many single effects a search tries with every other one where none is enough by itself."""
 
@@ -306,12 +308,31 @@ class OutputErrorEstimator(Minima):
             found += fewer or ([rest] if insignificant and len(f.effects) > 1 else [])
         return [one.candidate(self.training) for one in found]
 
-    def cross_entropy(self, of: FittedModel, names: Sequence[str] | None = None) -> list[FittedModel]:
-        """Return fits with one effect more of many local minima, each from the best of all its starts."""
+    def evolved(
+        self, of: FittedModel, names: Sequence[str] | None = None, rivals: Sequence[FittedModel] = ()
+    ) -> list[FittedModel]:
+        """Return fits with one effect more of many local minima, each from the best that its starts lead to; from
+        others as well, while that leaves more than about the noise, and its innovations are less likely beside none of
+        the ``rivals``.
+        """
         options = [t for t in trials(self.training, names) if t.effect.rugged and t.name not in of.effects]
         self.progress.say(phrases.MANY_MINIMA)
-        fits = [cross_entropy_fit(self.short, self.best(of).fit, t, self.in_parallel) for t in options]
-        return self._all_finished(of, [f for f in fits if f])
+        middle = self.training.observer_gains[1]
+        seen = [evaluated(self.short, f.fit.candidate, f.fit.theta, middle, False) for f in rivals]
+        most, found = min((f.objective for f in seen if f), default=np.inf), list[FittedModel]()
+        for trial in options:
+            for seed in range(EVOLUTIONS):
+                f = evolved_fit(self.short, self.best(of).fit, trial, self.in_parallel, seed)
+                found += (new := self._all_finished(of, [f] if f else []))
+                if f is None or f.objective > most or not all(self._may_be_lower(one) for one in new):
+                    break
+        return list({one.kind: self.best(one) for one in found}.values())
+
+    def _may_be_lower(self, f: FittedModel) -> bool:
+        """Tell whether a fit with an effect of many minima errs by more than about the noise: others may be lower."""
+        errors, times = np.sqrt(np.nanmean(f.training_squares, axis=0)), self.criteria.max_rmse_over_noise
+        near = f.within_noise(times) and bool(np.all(errors < times * self.training.noise))
+        return _is_rugged(f) and not near
 
     # ------------------------------------------------------------ one effect after the other
 
@@ -332,8 +353,8 @@ class OutputErrorEstimator(Minima):
             alike = self.as_good_as_best(now, options)
             if len(path) == 1 and not (alike and alike[0].white) and (whole := single(alike[0] if alike else now)):
                 return [path[0], [whole, *options]]
-            if not (now.white or (alike and alike[0].white)):
-                options += self.cross_entropy(now, names(now))
+            if not (now.white or (alike and alike[0].white)) or (alike and self._may_be_lower(alike[0])):
+                options += self.evolved(now, names(now), [one for one in (now, *options) if not _is_rugged(one)])
                 alike = self.as_good_as_best(now, options)
             if not alike and depth > 1 and not (now.white or now.effects):
                 options += [two for one in options[:BEAM] for two in self.extensions(one, names(one))]
@@ -346,6 +367,10 @@ class OutputErrorEstimator(Minima):
             path.append([now, *(one for one in options if one is not now)])
         path[0][0] = self.best(path[0][0])
         return path
+
+
+def _is_rugged(f: FittedModel) -> bool:
+    return any(EFFECTS[n].rugged for n in f.effects)
 
 
 def estimator_of(

@@ -125,6 +125,11 @@ def beyond_limit(key: str) -> str:
     return f"all records lie beyond {key}"
 
 
+def unresolved(key: str) -> str:
+    """Return that an effect acts for less of a sample than its instant is known to."""
+    return f"{key} is smaller than the instant of a sample is known"
+
+
 def few_waves(key: str, periods: float) -> str:
     """Return that the records hold too few periods of a wave."""
     return f"the records hold {periods:.1f} periods of {key}"
