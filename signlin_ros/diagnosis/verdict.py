@@ -133,6 +133,8 @@ def _reason_by_motion(tests: ValidationTests) -> str:
     load floats, whose place nobody sees while the play is crossed, near the noise.
     """
     noise = tests.evidence.residual_is_white(tests.final) or tests.of_steps
+    largest = max(tests.unpredicted, default=0.0)  # so much is no noise of an input
+    noise = noise and (bool(tests.names) or largest <= 100.0 * tests.criteria.max_rmse_left)
     near = tests.evidence.near_any_noise(tests.final)
     if tests.names and not near and (noise or tests.percent is None):
         explained = tests.explains_all_force or not tests.leaves_much_motion

@@ -99,8 +99,9 @@ class Decisions:
         """Return which force the records cannot identify, in words; empty where none.
 
         A limit that was always passed; a delay below what the instant of a sample is known to; a wave too fast for the
-        samples; several waves of which the longest has not one period in the record, since their sum is any curve then; and, unless the residual is tested noise, a zero beyond
-        the travel of an unmeasured position, or a wave of too few periods.
+        samples; several waves of which the longest has not one period in the record, since their sum is any curve then;
+        and, unless the residual is tested noise, a zero beyond the travel of an unmeasured position, or a wave of too
+        few periods.
         """
         for key, use in f.added.items():
             if not EFFECTS[use.type].is_met(use.parameters, *self.training.position_range):

@@ -24,6 +24,7 @@ from signlin_ros.model.numbers import declared
 from signlin_ros.par import gathered
 
 NOTHING_MISSING = "Nothing is missing that this record could show"
+LITTLE_MISSING = "What is missing is small, and no listed effect explains it"
 MAX_TIMES_NOISE = 100
 """Times the sensors' noise above which the number tells no more."""
 MAX_UNSURE_EFFECTS = 3
@@ -54,7 +55,9 @@ def sentence(evidence: Evidence, verdict: Verdict) -> str:
     first = _first(verdict)
     inputs = _of_inputs(evidence, verdict)
     if verdict.label == "adequate":
-        return f"{first}{NOTHING_MISSING}{_left_over(evidence, verdict)}.{_motion_left(evidence, verdict)}{inputs}"
+        shows = evidence.force_shows(verdict.final) and not evidence.near_any_noise(verdict.final)
+        nothing = LITTLE_MISSING if shows and not verdict.final.residual_is_noise else NOTHING_MISSING
+        return f"{first}{nothing}{_left_over(evidence, verdict)}.{_motion_left(evidence, verdict)}{inputs}"
     if verdict.label == "missing":
         what = falls(evidence, verdict, verdict.base, verdict.final)
         return f"{first}The model lacks {listed(verdict.names)}: {what}.{remainder(evidence, verdict)}{inputs}"
