@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.output_error.cache import FitCache
+from signlin_ros.diagnosis.output_error.evolution import evolved_fit
 from signlin_ros.diagnosis.output_error.fitted import FittedModel
 from signlin_ros.diagnosis.output_error.fitting import (
     FOLLOW_STEPS,
     MAX_STARTS,
     MIDDLE_STEPS,
     cheapest,
-    evolved_fit,
     multi_start_fit,
     screened,
     window_squares,
