@@ -90,6 +90,7 @@ def gains_content(model: ArmModel, at: Mapping[str, float], period: float, **wis
     }
     left = [key for key, use in model.effects.items() if _skipped(use)]
     notes = [f"{', '.join(left)}: not in the tables (a state of its own, or a sensor)"] if left else []
+    notes += [f"{name}: {_DRIVES}" for name, own in joints.items() if _drives(own)]
     if model.arm.couplings:
         notes.append("coupled joints: tables are of the motors, inertia and gravity of the joints")
     return {
@@ -101,6 +102,16 @@ def gains_content(model: ArmModel, at: Mapping[str, float], period: float, **wis
         "joints": joints,
         "notes": notes,
     }
+
+
+_DRIVES = "its friction would drive it at its largest speed, where no record told it: say operating_range"
+"""What is said of a law that is used beyond where it holds."""
+
+
+def _drives(joint: Mapping[str, Any]) -> bool:
+    """Tell whether the friction of a joint, beside its constant load, acts with the motion at its largest speed."""
+    last = joint["friction"][-1]
+    return bool((last["forward"] - last["backward"]) * joint["gain"] < 0.0)
 
 
 def _joint(

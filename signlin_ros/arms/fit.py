@@ -33,14 +33,19 @@ RIDGE = 1e-9
 
 
 def prior(robot: Robot, tolerance: float) -> Array:
-    """Return standard deviations (10 n,) of the inertial parameters around those of the URDF."""
+    """Return standard deviations (10 n,) of the inertial parameters around those of the URDF.
+
+    A body of which the URDF says nothing may be as heavy as the heaviest one.
+    """
+    heaviest = max((joint.pi for joint in robot.joints), key=lambda pi: float(pi[0]))
     found = []
-    for joint in robot.joints:
-        m = max(float(joint.pi[0]), LEAST_MASS)
-        moment = OFFSET * m + np.abs(joint.pi[1:4]).max()
-        inertia = 2.5 * max(float(np.abs(joint.pi[4:]).max()), LEAST_INERTIA) + 10 * SPREAD * m
-        found += [m, *[moment] * 3, *[inertia] * 6]
-    return tolerance * np.array(found)
+    for own in (joint.pi for joint in robot.joints):
+        pi, part = (own, tolerance) if own[0] > 0.0 or heaviest[0] <= 0.0 else (heaviest, 1.0)
+        m = max(float(pi[0]), LEAST_MASS)
+        moment = OFFSET * m + np.abs(pi[1:4]).max()
+        inertia = 2.5 * max(float(np.abs(pi[4:]).max()), LEAST_INERTIA) + 10 * SPREAD * m
+        found += [part * sd for sd in (m, *[moment] * 3, *[inertia] * 6)]
+    return np.array(found)
 
 
 class Products:

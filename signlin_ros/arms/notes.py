@@ -60,10 +60,16 @@ def _urdf_notes(study: Study) -> list[str]:
 
 
 def _without_mass(robot: Robot) -> list[str]:
-    """Return a sentence on joints that carry nothing in the URDF: near nothing is where their bodies are looked for."""
+    """Return a sentence on joints that carry nothing in the URDF: near nothing is where their bodies are looked for, or
+    up to the heaviest where there are others.
+    """
     names = [joint.name for joint in robot.joints if joint.pi[0] <= 0.0]
-    said = "no mass (no <inertial>): bodies are looked for near nothing, and no payload or load can be told"
-    return [f"URDF: what {' and '.join(names)} carry has {said}"] if names else []
+    where = "near nothing, and no payload or load can be told"
+    if len(names) < robot.n:
+        where = "up to the heaviest one, and take up what a payload or a load beyond them would show"
+    return [f"URDF: what {' and '.join(names)} carry has no mass (no <inertial>): bodies are looked for {where}"][
+        : len(names)
+    ]
 
 
 def _too_wide(robot: Robot) -> list[str]:
@@ -91,10 +97,9 @@ def distance_notes(study: Study, bodies: BodyDistance) -> list[str]:
     said = f"the records ask for others than its tolerance of {study.model.arm.tolerance:.0%} allows"
     how = f"Wald's statistic of {bodies.combinations} combinations is {bodies.statistic:.0f}, by chance up to"
     farthest = f"{bodies.farthest} is farthest, by {bodies.tolerances:.2g} tolerances"
-    why = "a load or a tool that is not in the file, a joint's zero that is off, something that acts like a body"
-    return [
-        f"bodies of the URDF: {said} ({how} {bodies.most:.0f}; {farthest}): {why}, or a tolerance that is too small"
-    ]
+    why = "a load or a tool that is not in the file, a joint's zero that is off, joints whose names are exchanged"
+    more = "something that acts like a body, or a tolerance that is too small"
+    return [f"bodies of the URDF: {said} ({how} {bodies.most:.0f}; {farthest}): {why}, {more}"]
 
 
 def of_records(study: Study) -> frozenset[int]:

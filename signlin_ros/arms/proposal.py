@@ -19,6 +19,7 @@ from signlin_ros.effects import find_effect
 from signlin_ros.model.arm import ArmModel
 from signlin_ros.model.arm_file import Coupling, Payload
 from signlin_ros.plants.arm import MOTOR_INERTIA, parted
+from signlin_ros.recording.arm import MAX_UNNAMED_SPEED
 from signlin_ros.robots import Robot
 from signlin_ros.robots.write import with_inertias
 
@@ -45,6 +46,7 @@ def proposal(study: Study, state: State, estimate: CoefficientEstimate) -> Propo
         **_couplings(study, motors),
         **_payload(study, values),
         **_gravity(robot, values),
+        **_ranges(study, state, values),
         "robot": urdf,
     }
     for i, name in enumerate(robot.names):
@@ -113,6 +115,21 @@ def _gravity(robot: Robot, values: dict[str, float]) -> dict[str, object]:
     across, down = across_gravity(robot)
     tilted = robot.gravity + down * (np.array([values["tilt.x"], values["tilt.y"]]) @ across)
     return {"gravity": tilted.tolist()}
+
+
+def _ranges(study: Study, state: State, values: dict[str, float]) -> dict[str, object]:
+    """Return the range of the velocities, with those recorded of joints whose friction would drive them at the URDF's.
+
+    Friction that grows more slowly than speed is told where the record was; beyond, its cube takes over.
+    """
+    found = dict(study.model.operating_range)
+    for key in (key for key, _ in state.terms if key.law == "cubic_viscous_friction" and key.at < study.robot.n):
+        joint, b, b3 = study.robot.joints[key.at], values[f"{key.at}.viscous_friction.b"], values[f"{key.at}.{key.law}"]
+        most = dict(joint.limits).get("velocity") or MAX_UNNAMED_SPEED
+        if b + b3 * most**2 < 0.0:
+            fastest = max(float(np.abs(piece.v[:, key.at]).max()) for piece in (*study.rows.pieces, *study.new.pieces))
+            found.setdefault(f"{joint.name}.velocity", fastest)
+    return {"operating_range": found} if found else {}
 
 
 def _section(study: Study, state: State, values: dict[str, float], i: int, parted_: list[int]) -> dict[str, object]:

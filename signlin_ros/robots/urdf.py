@@ -230,12 +230,12 @@ class _Reader:
         if lost:
             raise ModelError(f"robot: {self.source}: {', '.join(lost)} hang on no root link")
         for element in self.elements:
-            mimic = element.find("mimic")
+            mimic = element.find("mimic") if element.get("type") in MOVING_JOINTS else None
             if mimic is not None and mimic.get("joint") in self.moving and self._matters(element):
-                said = f"{element.get('name')!r} mimics {mimic.get('joint')!r}, which moves: one motor moves both"
-                raise ModelError(
-                    f"joints: {self.source}: {said}, which is not supported; leave {mimic.get('joint')!r} out"
-                )
+                own, other = element.get("name"), mimic.get("joint")
+                said = f"{own!r} mimics {other!r}, which moves: one motor moves both, which is not supported"
+                ways = f'leave {other!r} out, or say type="fixed" of {own!r} if what it carries is light'
+                raise ModelError(f"joints: {self.source}: {said}; {ways} (a rod of a parallelogram)")
             if element.get("type") in FREE_JOINTS and self._matters(element):
                 said = f"{element.get('name')!r} is {element.get('type')}: a base that moves freely is not supported"
                 raise ModelError(f'robot: {self.source}: {said}; say type="fixed" if it was held')

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from signlin_ros.arms.data import ArmRun, read_data, sides
+from signlin_ros.arms.feedforward import gains_content
 from signlin_ros.arms.laws import EXTRA
 from signlin_ros.arms.search import Key, admissible, possible
 from signlin_ros.arms.told import effects_named
@@ -48,8 +49,13 @@ def test_a_power_of_speed_is_named_in_the_place_of_a_cubic_law():
 @pytest.mark.slow
 def test_a_cubic_law_keeps_its_name():
     known, unseen = runs(31, lambda v: -0.06 * v**3)
-    found = diagnose(MODEL, [known], [unseen], BAND)
+    fast = MODEL.urdf.replace('velocity="3.0"', 'velocity="6.0"')
+    found = diagnose(Model.from_dict({**MODEL.to_dict(), "robot": fast}), [known], [unseen], BAND)
     assert named(found) == {"shoulder": ["cubic_viscous_friction"]}
+    # friction that would drive the joint at the URDF's largest speed holds where it was recorded
+    model, pieces = found.proposal.model, [piece for rows in found.state.both for piece in rows.pieces]
+    assert model.operating_range == {"shoulder.velocity": max(np.abs(piece.v[:, SHOULDER]).max() for piece in pieces)}
+    assert not [note for note in gains_content(model, {}, 0.01)["notes"] if "would drive" in note]
 
 
 @pytest.mark.slow

@@ -7,10 +7,10 @@ import pytest
 
 from signlin_ros.arms.data import ArmRun
 from signlin_ros.arms.fit import FitDesign, fit
-from signlin_ros.arms.notes import _too_wide, _without_mass
+from signlin_ros.arms.notes import _too_wide, _without_mass, study_notes
 from signlin_ros.arms.piece import RegressionRows
 from signlin_ros.arms.told import compared_json
-from signlin_ros.arms.verbs import compare
+from signlin_ros.arms.verbs import compare, diagnose
 from signlin_ros.model import Model
 from signlin_ros.robots import read_urdf
 from tests.arm_records import SMALL, record, small
@@ -89,3 +89,15 @@ def test_bodies_that_a_urdf_lacks_or_has_in_another_unit_are_told(change, said):
     robot = read_urdf(change(SMALL.with_suffix(".urdf").read_text(encoding="utf-8")))
     notes = [*_without_mass(robot), *_too_wide(robot)]
     assert (said in notes[0]) if said else notes == []
+
+
+@pytest.mark.slow
+def test_a_link_without_inertia_hides_nothing_in_its_neighbours():
+    """Links of which the URDF says nothing: neither a payload nor a gain or a zero is told for what they weigh."""
+    bare = re.sub(r'(<link name="upper_arm">.*?)<inertial>.*?</inertial>', r"\1", MODEL.urdf, count=1, flags=re.DOTALL)
+    model = Model.from_dict({**MODEL.to_dict(), "robot": bare})
+    assert model.robot.joints[SHOULDER].pi[0] == 0.0
+    found = diagnose(model, [run(MODEL, 81)], [run(MODEL, 82)], BAND)
+    assert found.found == found.missing == ()
+    assert not found.comparison.bodies.beyond
+    assert any("up to the heaviest one" in note for note in study_notes(found.comparison.study))

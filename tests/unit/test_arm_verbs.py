@@ -166,6 +166,20 @@ def test_friction_is_a_table_in_the_unit_of_the_input(capsys):
     assert "shoulder" in capsys.readouterr().out
 
 
+def test_a_law_that_would_drive_its_joint_beyond_the_record_is_told():
+    content = MODEL.to_dict()
+    content["shoulder"]["effects"].pop("viscous_friction")
+    content["shoulder"]["effects"]["cubic_viscous_friction"] = {"b": 0.5, "b3": -0.5}
+    content["operating_range"] = {}
+    beyond, within = (
+        gains_content(Model.from_dict({**content, "operating_range": own}, folder=MODEL.folder), {}, 0.01)
+        for own in ({"shoulder.velocity": 4.0}, {"shoulder.velocity": 0.5})
+    )
+    assert [note for note in beyond["notes"] if note.startswith("shoulder: its friction would drive it")]
+    assert not within["notes"]
+    assert within["joints"]["shoulder"]["kV"] == pytest.approx(0.5 - 0.5 * 0.25)
+
+
 def test_friction_of_a_joint_is_what_its_equations_have():
     model, v = MODEL, np.array([-1.0, -0.1, 0.1, 1.0])
     for i, name in enumerate(NAMES):

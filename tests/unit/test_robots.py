@@ -179,6 +179,21 @@ def test_what_is_wrong_with_a_urdf_is_said(change, said):
         read_urdf(SMALL.read_text().replace(*change))
 
 
+def test_a_rod_that_mimics_a_joint_may_be_fixed():
+    """A rod of a parallelogram: one motor moves it too, so the way out is to carry it as part of its parent."""
+    rod = """<link name="rod"><inertial><mass value="0.1"/>
+    <inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"/></inertial></link><joint name="rod_joint"
+    type="revolute"><parent link="upper_arm"/><child link="rod"/><axis xyz="0 1 0"/><mimic joint="elbow"/></joint>"""
+    text = SMALL.read_text().replace("</robot>", f"{rod}</robot>")
+    joints = ["waist", "shoulder", "elbow"]
+    with pytest.raises(ModelError, match=r"'rod_joint' mimics 'elbow'.*type=\"fixed\""):
+        read_urdf(text, joints)
+    at = 'type="{}"><parent link="upper_arm"/><child link="rod"'
+    fixed = read_urdf(text.replace(at.format("revolute"), at.format("fixed")), joints)
+    masses = [sum(joint.pi[0] for joint in robot.joints) for robot in (fixed, read_urdf(SMALL))]
+    assert masses[0] == pytest.approx(masses[1] + 0.1)
+
+
 def test_a_misspelt_joint_is_told_with_the_nearest():
     with pytest.raises(ModelError, match=r"no joint 'elbo' that moves.*did you mean 'elbow'"):
         read_urdf(SMALL, ["waist", "elbo"])
