@@ -12,12 +12,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.arms.distance import body_distance
 from signlin_ros.arms.fit import CoefficientEstimate, FitDesign, fit
+from signlin_ros.arms.keys import Key
 from signlin_ros.arms.laws import payload
 from signlin_ros.arms.piece import ArmSegment, RegressionRows
 from signlin_ros.arms.proposal import Proposal
+from signlin_ros.arms.search import settled
 from signlin_ros.arms.study import Study, predicted
-from signlin_ros.arms.verbs import ArmComparison, ArmDiagnosis
+from signlin_ros.arms.verbs import ArmComparison, ArmDiagnosis, in_file
 from signlin_ros.model.arm import ArmModel
 from signlin_ros.model.arm_file import Payload
 from signlin_ros.robots import inverse_dynamics
@@ -48,11 +51,11 @@ def carried(comparison: ArmComparison) -> ArmDiagnosis:
     names = ("m", "mx", "my", "mz")[: values.size]
     told = {n: (float(v), float(e), u) for n, v, e, u in zip(names, values, errors, units, strict=False)}
     table = replace(comparison.table, model=own)
-    state = study.state()
-    proposed = Proposal(model, model.urdf)
-    return ArmDiagnosis(
-        *(replace(comparison, table=table), state, estimate, (), (), (), proposed), payload=told, only_payload=True
-    )
+    state = study.state()  # bodies are told beside the payload, which nothing else moves for
+    state.terms = [*in_file(study), (Key("payload", -1), None)]
+    bodies = body_distance(settled(state))
+    compared, proposed = replace(comparison, table=table, bodies=bodies), Proposal(model, model.urdf)
+    return ArmDiagnosis(*(compared, study.state(), estimate, (), (), (), proposed), payload=told, only_payload=True)
 
 
 def _with(model: ArmModel, values: Array, com: Array, moments: bool) -> ArmModel:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.arms.data import gains_of
 from signlin_ros.arms.distance import BodyDistance
+from signlin_ros.arms.heldout import MIN_VALIDATION_ERRORS
 from signlin_ros.arms.keys import GAIN, ZERO, Key, SearchResult
 from signlin_ros.arms.loaded import sentence
 from signlin_ros.arms.search import MIN_COEFFICIENT_ERRORS
@@ -153,26 +154,54 @@ def resized_notes(diagnosis: ArmDiagnosis) -> list[str]:
 
 
 def bent(diagnosis: ArmDiagnosis) -> list[str]:
-    """Return sentences on bodies that the rows of the fit ask for beyond doubt and that cannot exist, where those that
-    are written cost a joint more than a little.
+    """Return a sentence on bodies and motors that the rows of the fit ask for and that cannot exist, where those which
+    are written cost joints more than a little.
+
+    Each is told where it is so many standard errors beyond as unseen rows need: that it costs something speaks, too.
     """
-    study, estimate = diagnosis.comparison.study, diagnosis.estimate
-    if not study.model.arm.consistent:
+    study = diagnosis.comparison.study
+    written, free = diagnosis.comparison.table.model, diagnosis.estimate.rms
+    paying = [i for i in range(study.robot.n) if i not in study.barred and written[i] > (1.0 + LITTLE) * free[i]]
+    cannot = [*_no_bodies(diagnosis), *_no_motors(diagnosis)] if paying and study.model.arm.consistent else []
+    asked = [said for _, said in sorted(cannot)]
+    if not asked:
         return []
+    units = [study.robot.joints[i].effort_unit for i in range(study.robot.n)]
+    costs = [
+        f"{written[i]:.3g} {units[i]} of {study.names[i]}'s effort are left, and not {free[i]:.3g}" for i in paying
+    ]
+    cost = f"with bodies and motors that exist {', '.join(costs)}"
+    said = "something acts like that which is not in the model (a spring, friction that sets in gradually)"
+    return [f"{'; '.join(asked)}; {cost}: {said}"]
+
+
+def _no_bodies(diagnosis: ArmDiagnosis) -> list[tuple[float, str]]:
+    """Return what is asked for of bodies and no body has, with how many standard errors it is above nothing."""
+    study, estimate = diagnosis.comparison.study, diagnosis.estimate
     bodies = (estimate.pi - study.carried - diagnosis.state.point(estimate)).reshape(-1, TEN)
-    written, free = diagnosis.comparison.table.model, estimate.rms
-    found = list[str]()
-    for i in (i for i in range(study.robot.n) if i not in study.barred and written[i] > (1.0 + LITTLE) * free[i]):
-        value, factors = least_eigenvalue_along(bodies[i])
+    found = list[tuple[float, str]]()
+    for i, body in enumerate(bodies):
+        value, factors = least_eigenvalue_along(body)
         direction = np.zeros((1, len(estimate.theta)))
         direction[0, TEN * i : TEN * (i + 1)] = factors
         error = float(estimate.errors_along(direction)[0])
-        if value < -MIN_COEFFICIENT_ERRORS * error:
-            unit = study.robot.joints[i].effort_unit
+        if value < -MIN_VALIDATION_ERRORS * error:
             asked = f"the fit asks for a pseudo-inertia with the eigenvalue {value:.2g} ± {error:.1g} kg·m²"
-            cost = f"with bodies that exist {written[i]:.3g} {unit} of its effort are left, and not {free[i]:.3g}"
-            said = "something acts like it that is not in the model (a spring, friction that sets in gradually)"
-            found.append(f"{study.names[i]}: {asked}, which no body has; {cost}: {said}")
+            found.append((value / error, f"{study.names[i]}: {asked}, which no body has"))
+    return found
+
+
+def _no_motors(diagnosis: ArmDiagnosis) -> list[tuple[float, str]]:
+    """Return the same of motors' inertias."""
+    study, estimate = diagnosis.comparison.study, diagnosis.estimate
+    errors = dict(zip(estimate.design.names, estimate.errors().tolist(), strict=True))
+    found = list[tuple[float, str]]()
+    for i, joint in enumerate(study.robot.joints):
+        column = f"{i}.motor_inertia"
+        if column in errors and estimate[column] < -MIN_VALIDATION_ERRORS * errors[column]:
+            unit = "kg" if joint.prismatic else "kg·m²"
+            asked = f"the fit asks for a motor's inertia of {estimate[column]:.2g} ± {errors[column]:.1g} {unit}"
+            found.append((estimate[column] / errors[column], f"{joint.name}: {asked}, which no motor has"))
     return found
 
 

@@ -129,7 +129,7 @@ def _compared(found: Study) -> ArmComparison:
     whole = found.of_all()
     all_data = settled(whole.state())  # the best numbers of basic friction, not a test
     found.loaded = whole.loaded = _loaded(whole, all_data)
-    laws = _in_file(found)
+    laws = in_file(found)
     found.warmth, found.drift = _in_time(whole, laws)
     state = found.state()
     beside = settled(state) if state.own else basic
@@ -230,7 +230,7 @@ def _searched(comparison: ArmComparison, progress: Progress, known: frozenset[Ke
         state = found.state()
         estimate = settled(state)
     state.known = known
-    state.terms = _in_file(found)
+    state.terms = in_file(found)
     estimate = _borne_out(state, estimate)
     missing = _left_out(found, state, estimate)
     estimate = search(state, progress)
@@ -272,7 +272,7 @@ def add(
     before = comparison.basic
     if name in laws:
         place, law = found.names.index(joint), laws[name]
-        kept = [(k, own) for k, own in _in_file(found) if own is None or not _replaced(k, own, place, law)]
+        kept = [(k, own) for k, own in in_file(found) if own is None or not _replaced(k, own, place, law)]
         tried = []
         for shape in shapes(law, found.rows, place):
             state.terms = [*kept, (Key(name, place, shape), law)]
@@ -304,7 +304,7 @@ def add(
     return _witnessed(_told(comparison, state, estimate, (), []))
 
 
-def _in_file(found: Study) -> list[tuple[Key, JointLaw | None]]:
+def in_file(found: Study) -> list[tuple[Key, JointLaw | None]]:
     """Return the laws that the file has in its joints beside basic friction."""
     kept = list[tuple[Key, JointLaw | None]]()
     for key, use in found.model.effects.items():
@@ -405,4 +405,14 @@ _CONTAIN = {
 """Effects that have an effect in them."""
 
 
-__all__ = ["ArmComparison", "ArmDiagnosis", "JointTable", "MissingLaw", "add", "blocks", "compare", "diagnose"]
+__all__ = [
+    "ArmComparison",
+    "ArmDiagnosis",
+    "JointTable",
+    "MissingLaw",
+    "add",
+    "blocks",
+    "compare",
+    "diagnose",
+    "in_file",
+]

@@ -7,6 +7,7 @@ import pytest
 
 from signlin_ros.arms.data import read_data, sides
 from signlin_ros.arms.faults import delays
+from signlin_ros.arms.notes import bent
 from signlin_ros.arms.told import effects_named, sentences
 from signlin_ros.arms.verbs import diagnose
 from signlin_ros.model import Model
@@ -33,6 +34,9 @@ def test_friction_is_not_told_of_torques_on_the_links_side(swapped):
     assert found.found == found.missing == found.couplings == ()
     assert all("measured on the link's side" in line for line in sentences(found)[:-1])
     assert any("say side: link" in note for note in found.comparison.study.notes)
+    (note,) = bent(found)
+    assert "panda_joint4: the fit asks for a pseudo-inertia" in note
+    assert "of panda_joint4's effort are left, and not" in note
 
 
 def test_currents_of_few_steps_are_refused_and_a_delay_that_explains_nothing_is_none():
@@ -45,5 +49,8 @@ def test_currents_of_few_steps_are_refused_and_a_delay_that_explains_nothing_is_
     assert all("refused" in told[name] for name in wrist)
     assert not set(effects_named(found)) & {joints.index(name) for name in wrist}
     assert not delays(found).any()
+    (note,) = bent(found)
+    assert note.startswith("torso_lift_joint: the fit asks for a motor's inertia of -")
+    assert "of torso_lift_joint's effort are left, and not" in note
     table = found.comparison.table
     assert (table.model <= 1.05 * table.basic).all()

@@ -164,6 +164,10 @@ def test_what_bodies_that_exist_cost_is_told_where_the_fit_asks_for_others_beyon
     (line,) = bent(replace(asked, comparison=replace(found.comparison, table=table)))
     assert line.startswith("elbow: the fit asks for a pseudo-inertia with the eigenvalue -0.2")
     assert "which no body has" in line
+    assert all(f"of {name}'s effort are left" in line for name in ("waist", "shoulder", "elbow"))
+    theta[estimate.design.at("1.motor_inertia")] = -0.5
+    (line,) = bent(replace(asked, comparison=replace(found.comparison, table=table)))
+    assert "shoulder: the fit asks for a motor's inertia of -0.5" in line
 
 
 def test_friction_that_the_file_leaves_out_of_a_joint_is_named(nothing_hidden):
@@ -193,6 +197,7 @@ def test_a_payload_is_named_and_weighed(nothing_hidden):
     )
     alone = diagnose(asked, [first], [second], BAND)
     assert alone.only_payload
+    assert not alone.comparison.bodies.beyond  # beside the payload they are those of the file
     assert weighed_beside(alone) == []
     assert "as right as the model" in sentences(alone)[-1]
     assert alone.payload["m"][0] == pytest.approx(1.2, rel=0.1)
