@@ -12,11 +12,14 @@ from signlin_ros.errors import InputError
 
 TEXT = (".csv", ".txt", ".tsv", ".dat", ".log", ".lvm", ".trace", ".asc", ".prn", ".jsonl", ".ndjson")
 PACKED = (".gz", ".zip", ".bz2", ".xz")
+ECHOES = (".yaml", ".yml")
 BAGS = (".mcap", ".db3")
 ARRAYS = (".mat", ".npz", ".h5", ".hdf5")
 LOGS = (".json",)
 TABLES = (*ARRAYS, ".parquet", ".feather", ".arrow", ".mf4", ".mdf", ".tdms")
-"""Suffixes of records: text, packed text, bags' files, named arrays, logs of servos, all tables in binary files."""
+"""Suffixes of records: text, packed text, messages that were echoed, bags' files, named arrays, logs of servos, all
+tables in binary files.
+"""
 
 
 @contextmanager

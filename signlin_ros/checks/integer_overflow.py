@@ -21,8 +21,10 @@ class IntegerOverflow(Check):
     """A speed, current or force in counts leaps by 2^n of its steps: a sign read as a large number, or too few bits.
 
     Test: all steps beyond 0.4 of the range are one power of two of the channel's own step (to 2 %, and what
-    ordinary steps differ by), two of them at least. One power lies within 2 % of a random number in about one case
-    of seventeen, so that two jumps agree by chance in one of 300 records that jump at all; no clean one does.
+    ordinary steps differ by), two of them at least, and all values are such as so many bits can hold, with a sign or
+    without. One power lies within 2 % of a random number in about one case of seventeen, so that two jumps agree by
+    chance in one of 300 records that jump at all, and a drive that is switched on and off jumps alike; its noise about
+    0 is of neither kind of integer.
     Cure: whole multiples of that power are added, which changes nothing else.
     """
 
@@ -37,6 +39,8 @@ class IntegerOverflow(Check):
             step = _step(values)
             found = wraps(values, tuple(2.0**n * step for n in BITS)) if step else None
             if found is None or found.count < 2 or found.period not in {2.0**n * step for n in BITS}:
+                continue
+            if not _held(values, found.period, step):
                 continue
             bits = round(np.log2(found.period / step))
             unit, period = look.unit(name), found.period
@@ -56,6 +60,12 @@ class IntegerOverflow(Check):
 def _jumps(values: Array) -> bool:
     steps = np.abs(np.diff(values))
     return bool(steps.max() > 0.4 * np.ptp(values) > 0)
+
+
+def _held(values: Array, period: float, step: float) -> bool:
+    """Tell whether integers of one period hold all values (T,): from 0 on, or about 0."""
+    low, high = float(values.min()) + 0.5 * step, float(values.max()) - 0.5 * step
+    return (low > 0.0 and high < period) or (low > -0.5 * period - step and high < 0.5 * period)
 
 
 def _step(values: Array) -> float:

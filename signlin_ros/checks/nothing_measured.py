@@ -70,11 +70,14 @@ class NothingMeasured(Check):
 
     def _nothing(self, look: Look) -> Finding:
         known = joined(list(dict.fromkeys((*look.model.states, *look.model.outputs))), "or")
+        lost = [str(note) for note in as_notes(look.record.notes) if note.kind == "missing"]
+        columns = joined([repr(name) for name in look.record.unused]) if look.record.unused else ""
+        way = f"{'; '.join(lost)}; --signal NAME=COLUMN says which column it is: there are {columns}"
         return Finding(
             self.name,
             "",
             "refuse",
-            f"nothing of what the model does ({known}) is in this record: {ONE_FILE}",
+            f"nothing of what the model does ({known}) is in this record: {way if lost and columns else ONE_FILE}",
             final=True,
         )
 

@@ -10,8 +10,11 @@ from signlin_ros import units
 from signlin_ros.checks.base import OfRecordsTogether
 from signlin_ros.checks.finding import Finding
 from signlin_ros.checks.look import MIN_SAMPLES, Look
+from signlin_ros.checks.observer import Together
 from signlin_ros.checks.tracking import stated, strictness, tracks
 
+MAX_LEFT = 0.4
+"""What the model leaves of a record whose input is what it is said to be, as a share of what it leaves without any."""
 OWN_GAIN = 2.0
 """Within this factor of it an input's own number is what the model itself leads to: then it is believed."""
 
@@ -20,7 +23,9 @@ class SpeedCommand(OfRecordsTogether):
     """The input is the set point of a speed loop: the velocity settles at the input's own number, in some unit.
 
     Test: as of a commanded position (`signlin_ros.checks.position_command`), of the velocity; and the model, driven by
-    such a force or voltage, would come to a velocity that is `OWN_GAIN` times as large, or as small, at least. A column
+    such a force or voltage, would come to a velocity that is `OWN_GAIN` times as large, or as small, at least. Where
+    only the velocity in another unit is that number, the model must not follow the record besides: friction holds a
+    force in proportion to a speed that seldom changes, and of many units one fits. A column
     whose unit is that of a force, or that is called one, is believed unless its number is exactly the velocity's. By
     chance none: the velocity has to follow a number that has nothing to do with it to 5 % of its square.
     Cure: none; the current or the voltage has to be recorded.
@@ -42,7 +47,8 @@ class SpeedCommand(OfRecordsTogether):
             return
         own = _steady_gain(look)
         pairs = [(one, np.nan_to_num(one.of(name)), one.of(v)) for one in usable]
-        for unit, times in {"": 1.0, **look.others(v)}.items():
+        others = {} if _explained(usable) else look.others(v)
+        for unit, times in {"": 1.0, **others}.items():
             if 1.0 / OWN_GAIN < own * times < OWN_GAIN:
                 continue
             if tracks([(one, u / times, x) for one, u, x in pairs], strictness(look, name)):
@@ -58,6 +64,14 @@ class SpeedCommand(OfRecordsTogether):
             "torque or the voltage at the motor"
         )
         return Finding(self.name, name, "refuse", sentence, columns=True)
+
+
+def _explained(looks: Sequence[Look]) -> bool:
+    """Tell whether the model follows records by what the inputs do, beside dry friction and a load of any size."""
+    known = [one.resisted for one in looks if one.resisted is not None]
+    together = Together.of(known) if known else None
+    undriven = dict.fromkeys(looks[0].record.inputs, 0.0)
+    return together is not None and together.left() < MAX_LEFT * together.left(undriven)
 
 
 def _steady_gain(look: Look) -> float:

@@ -49,11 +49,19 @@ class ObserverGains:
 
 
 def linear_base(model: Model, channels: tuple[str, ...]) -> tuple[tuple[str, ...], Array, Array]:
-    """Return (states, A, C) of the bare plant at rest: what the observer is designed for."""
+    """Return (states, A, C) of the bare plant at rest: what the observer is designed for. A channel that shows an
+    effect's own position or velocity shows about the plant's.
+    """
     plain = bare(model)
+    channels = _of_plant(plain, channels)
     n, u, y = len(plain.states), np.zeros((1, len(plain.inputs))), np.zeros((1, len(channels)))
     _, A, C = Tracker(plain, np.zeros(1), u, y, channels, np.ones(n)).linearized(np.zeros((1, n)))
     return plain.states, A[0], C[0]
+
+
+def _of_plant(plain: Model, channels: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the channels, those that show a state of an effect as the plant's state that it moves with."""
+    return tuple(c if c in plain.states else twin(c, plain.states) or c for c in channels)
 
 
 def _process_noise(model: Model, states: tuple[str, ...], noise: Sizes, speed: float, dt: float, tau: float) -> Array:
@@ -77,7 +85,7 @@ def input_variances(model: Model, channels: tuple[str, ...], sigma: Array, dt: f
     ``sigma`` (m,): its standard deviations.
     """
     plain, (states, A, _) = bare(model), linear_base(model, channels)
-    n, m = len(states), len(plain.inputs)
+    n, m, channels = len(states), len(plain.inputs), _of_plant(plain, channels)
     u, y, rest = np.vstack([np.zeros(m), np.eye(m)]), np.zeros((m + 1, len(channels))), np.zeros((m + 1, n))
     rates, _, _ = Tracker(plain, np.arange(m + 1.0), u, y, channels, np.ones(n)).linearized(rest)
     whole = np.zeros((n + m, n + m))

@@ -165,7 +165,9 @@ class Model:
         tables = {name: getattr(self, name) for name in ("state_weights", "initial_state", "operating_range")}
         scale = self.sign_scale or Model.sign_scale
         effects = {k: use for k, use in self._written.items() if k != key}
-        bare = self._changed(effects=effects, per_record=kept, sign_scale=scale, **{name: {} for name in tables})
+        signals = {name: column for name, column in self.signals.items() if not name.startswith(f"{key}.")}
+        cleared = {"signals": signals, **{name: {} for name in tables}}
+        bare = self._changed(effects=effects, per_record=kept, sign_scale=scale, **cleared)
         there = (*bare.states, *bare.inputs, *bare.outputs)
         left = {option: {n: v for n, v in table.items() if n in there} for option, table in tables.items()}
         ranged = left["operating_range"] or not self.operating_range

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 
 from signlin_ros.apart import of_record
 from signlin_ros.errors import RecordError, suggest
-from signlin_ros.files import ARRAYS, BAGS, LOGS, PACKED, TABLES, TEXT
+from signlin_ros.files import ARRAYS, BAGS, ECHOES, LOGS, PACKED, TABLES, TEXT
 from signlin_ros.records.clean import keeper, records_of
+from signlin_ros.records.formats import octave
 from signlin_ros.records.header import TIME_KEYS
 from signlin_ros.records.mapping import ALIASES, ModelData
 from signlin_ros.records.notes import Note
@@ -20,7 +21,33 @@ from signlin_ros.records.table import Record
 if TYPE_CHECKING:
     from signlin_ros.model import Model
 
-SPREADSHEETS = (".xlsx", ".xls", ".xlsm", ".ods", ".numbers")
+_SHEET = "a workbook; save the sheet with the record as CSV (UTF-8), and give that"
+WAYS = {
+    **dict.fromkeys((".xlsx", ".xls", ".xlsm", ".ods", ".numbers"), _SHEET),
+    ".bag": "a recording of ROS 1; `rosbags-convert --src FILE --dst FOLDER` makes one of ROS 2 of it",
+    ".ulg": "a log of PX4; `ulog2csv FILE` (pip install pyulog) makes CSV files of it, one for each topic",
+    ".bin": "a binary log; the program that wrote it exports text (of ArduPilot: `mavlogdump.py --format csv`)",
+    ".npy": "an array without names; save the signals by name: np.savez(FILE, t=..., voltage=...)",
+    **dict.fromkeys(
+        (".pkl", ".pickle"), "objects of Python, which are not loaded; of a data frame: df.to_parquet(FILE)"
+    ),
+    **dict.fromkeys(
+        (".db", ".sqlite", ".sqlite3"), "a database; export the table as CSV: sqlite3 -header -csv FILE QUERY"
+    ),
+    **dict.fromkeys((".blf", ".pcap", ".pcapng"), "frames, not decoded; decode them first into a table with names"),
+    **dict.fromkeys(
+        (".dxd", ".d7d", ".svdx", ".tdm", ".wfm", ".isf"), "a recorder's own file; export it as CSV or MAT"
+    ),
+    **dict.fromkeys((".html", ".htm", ".md", ".pdf", ".doc", ".docx"), "a document; save its table as CSV"),
+    **dict.fromkeys((".png", ".jpg", ".jpeg", ".svg"), "a picture; a record is the numbers behind it"),
+}
+"""What is to be done with files of other kinds."""
+NO_FILES = {
+    "://": "; a record is a file or a folder of this machine: download it first",
+    "*": "; the shell puts the names of files for a * that is not in quotes",
+    "=-": "; what comes through a pipe is read as /dev/stdin",
+}
+"""What is to be said of names that are none of files, by what is in them, or is all of them."""
 MIN_RUN_ROWS = 20
 """Runs of fewer rows are left out beside longer ones."""
 
@@ -172,6 +199,11 @@ def _time(signals: Mapping[str, str]) -> dict[str, str]:
 def _read_file(file: Path, source: str, signals: Mapping[str, str], wanted: list[str] | None) -> list[Record]:
     keep = keeper(signals, wanted)
     suffix = file.suffix.lower()
+    if octave.begins(file):
+        from signlin_ros.records.formats import mat
+
+        found = octave.arrays(file.read_text(encoding="utf-8", errors="replace"), source)
+        return records_of(mat.table_of(found, source, signals), signals, keep)
     if suffix in ARRAYS:
         from signlin_ros.records.formats import mat
 
@@ -197,9 +229,10 @@ def _check_there(file: Path, source: str) -> None:
     if not file.exists():
         folder = file.parent if file.parent.is_dir() else None
         hint = suggest(file.name, [entry.name for entry in folder.iterdir()]) if folder else ""
+        hint = next((way for mark, way in NO_FILES.items() if mark in source or mark == f"={source}"), hint)
         raise RecordError(f"{source}: no such file or folder{hint}")
-    known = (*TEXT, *PACKED, *TABLES, *LOGS, *BAGS)
-    if file.is_file() and file.suffix.lower() in SPREADSHEETS:
-        raise RecordError(f"{source}: a workbook; save the sheet with the record as CSV (UTF-8), and give that")
+    known = (*TEXT, *PACKED, *ECHOES, *TABLES, *LOGS, *BAGS)
+    if file.is_file() and file.suffix.lower() in WAYS:
+        raise RecordError(f"{source}: {WAYS[file.suffix.lower()]}")
     if file.is_file() and file.suffix.lower() not in known:
         raise RecordError(f"{source}: unknown kind {file.suffix!r}; records are {', '.join(known)} or rosbag2 folders")

@@ -140,7 +140,7 @@ def _formula(record: Record, name: str, spec: str, body: str, unit: str, wanted:
 def _with(
     record: Record, spec: str, values: Array, unit: str, series: Series | None, *notes: Note
 ) -> tuple[Record, str]:
-    signals = {**record.signals, spec: Signal(values, unit, spec)}
+    signals = {**record.signals, spec: Signal(values, unit, spec, of_mapping=True)}
     every = record.series
     if series is not None:
         every = {**record.series, spec: replace(series, unit=unit, label=spec, names=())}
@@ -157,6 +157,8 @@ def _names(record: Record) -> dict[str, str]:
     """All that the signals may be called -> their keys; names that two have are left out."""
     found: dict[str, set[str]] = {}
     for key, signal in record.signals.items():
+        if signal.of_mapping:  # of `0.1 * (a - 5)` the heading would be `0.1 *`, with which another formula may begin
+            continue
         head = heading(record.labels[key])
         further = record.series[key].names if key in record.series else ()
         number = (f"#{signal.number}",) if signal.number else ()

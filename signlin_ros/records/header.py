@@ -14,10 +14,14 @@ from signlin_ros.names import TIME_NAMES
 
 _BRACKETS = re.compile(r"(?P<gap> ?)(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*(?:\([^()]*\)[^()]*)?)\))")
 _AFTER = re.compile(r"(?P<name>[^/,]*[^/, ]) ?(?:, ?|/ ?(?=\(?[^/]+(?:/[^/]+)?\)?\Z))\(?(?P<unit>[^,()]+)\)?\Z")
+_COUNTED = re.compile(
+    r"(?:counts?|cnts?|ticks?|pulses?|increments?|incr?|lsb|quad(?:rature)? counts?)(?: ?/ ?[^/]+)?", re.IGNORECASE
+)
+"""Units that are no unit of anything: of an encoder or a converter, and what is counted in a time."""
 _QUOTIENT = re.compile(r"(?P<name>.*[^_])_(?P<unit>[^_/, ]+/[^_/, ]+)\Z")
 _IN = re.compile(r"(?P<name>.*?)(?:^|\s)in (?P<unit>\S+)\Z")
 _FURTHER = "elapsed elapsed_time time_stamp datetime date_time date/time clock uptime ros_time tout rel_time stime utc"
-_FURTHER += " x_value sec secs seconds millis micros zeit date ms_today"
+_FURTHER += " x_value sec secs seconds millis micros zeit date ms_today datenum"
 _FURTHER += " temps tiempo tempo tijd tid czas cas čas aika uhrzeit heure hora ora klokkeslett"
 _FURTHER += " idő zaman время час 时间 時間 時刻 时刻 시간"
 _TIMES = (*TIME_NAMES, *_FURTHER.split())
@@ -135,18 +139,24 @@ def heading(text: str, number: int = 0) -> Heading:
 @functools.lru_cache(maxsize=1 << 16)
 def _taken_apart(label: str) -> Heading:
     topic = label.startswith("/")
+    doubtful = None
     for match in _BRACKETS.finditer(label):
         square, unit = match["square"] is not None, (match["square"] or match["round"] or "").strip()
         spaced = square and bool(match["gap"]) and not unit.isdigit()
-        if topic and not match["gap"]:
+        if not match.start() or (topic and not match["gap"]):
             continue
-        if match.start() and (spaced or (square and not unit) or _known(unit)):
-            return Heading(label, label[: match.start()].rstrip(" /"), unit)
+        taken = Heading(label, label[: match.start()].rstrip(" /"), unit)
+        if _known(unit) or (square and not unit):
+            return taken
+        if doubtful is None and (spaced or _COUNTED.fullmatch(unit)):  # another bracket may hold the unit
+            doubtful = taken
+    if doubtful is not None:
+        return doubtful
     quotient = None if topic else _QUOTIENT.match(label)
     if quotient is not None and _known(quotient["unit"]):
         return Heading(label, quotient["name"], quotient["unit"])
     after = None if topic or _IN.match(label) else _AFTER.match(label)
-    if after is not None and _known(after["unit"].strip()):
+    if after is not None and after["name"].count("(") == after["name"].count(")") and _known(after["unit"].strip()):
         return Heading(label, after["name"], after["unit"].strip())
     inside = None if topic else _IN.match(label)
     if inside is not None and _known(inside["unit"]):

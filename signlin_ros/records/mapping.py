@@ -14,7 +14,7 @@ import numpy.typing as npt
 from signlin_ros import units
 from signlin_ros.errors import ModelError, RecordError
 from signlin_ros.records.align import align, named
-from signlin_ros.records.conditions import apart, conditions_of
+from signlin_ros.records.conditions import apart, conditions_of, parameters_of
 from signlin_ros.records.converted import converted
 from signlin_ros.records.formulas import by_number, constant, made, sole
 from signlin_ros.records.header import TIME_KEYS
@@ -315,7 +315,9 @@ def _name(model: Model, key: str, spec: str, strict: bool) -> str | None:
     except ModelError as error:
         if not strict:
             return None
-        raise ModelError(f"signal {key}={spec}: {error}") from None
+        number = re.fullmatch(r"\s*[-+]?[\d.]+(?:[eE][-+]?\d+)?\s*", spec)
+        sizes = f"; parameters, which --set sets: {', '.join(parameters_of(model))}" if number else ""
+        raise ModelError(f"signal {key}={spec}: {error}{sizes}") from None
 
 
 def _of_joint(record: Record, name: str) -> str | None:

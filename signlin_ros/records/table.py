@@ -56,12 +56,14 @@ class Signal:
     unit : as stated by the file, "" where it states none (then the model's unit is meant).
     label : the whole column head or bag path that the signal came from, "" for a signal made in memory.
     number : its column in the file, from 1; 0 where it has none.
+    of_mapping : whether a mapping has made it of columns; no further formula may be made of it.
     """
 
     values: Array
     unit: str = ""
     label: str = ""
     number: int = 0
+    of_mapping: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "values", frozen(self.values))

@@ -20,6 +20,7 @@ from signlin_ros.checks.base import values_of, with_channel
 from signlin_ros.checks.direction import with_direction
 from signlin_ros.checks.exchanged import exchanged
 from signlin_ros.checks.factors import other_units
+from signlin_ros.checks.integer_overflow import IntegerOverflow
 from signlin_ros.checks.look import Look
 from signlin_ros.checks.observer import LinearPrediction
 from signlin_ros.cli import main
@@ -149,6 +150,16 @@ def test_an_integer_that_overflows_is_continued() -> None:
     after, findings = found(model, data)
     assert findings["integer_overflow"].applied
     np.testing.assert_allclose(after.measured["speed"], v, atol=1e-9)
+
+
+def test_a_drive_that_is_switched_off_by_about_a_power_of_its_steps_does_not_overflow() -> None:
+    model, data = changed("voltage", np.zeros_like)
+    rng = np.random.default_rng(1)
+    u = np.where(np.arange(SAMPLES) // 200 % 2, 65.1, 0.0) + 0.1 * rng.normal(size=SAMPLES)
+    switched = replace(data, u=0.001 * np.round(u / 0.001)[:, None])
+    assert not [*IntegerOverflow().find(Look(model, switched))]
+    held = replace(switched, u=np.maximum(switched.u, 0.0))  # such as 16 bits without a sign can hold
+    assert [*IntegerOverflow().find(Look(model, held))]
 
 
 # ------------------------------------------------------------------ sources, sensors

@@ -15,6 +15,13 @@ ROWS = [(0.005 * k, 0.1 * k, 2.0 - 0.01 * k) for k in range(40)]
 LVM = "LabVIEW Measurement\nSeparator\tTab\nX_Columns\tNo\n***End_of_Header***\nChannels\t2\n"
 LVM += "Delta_X\t0.005\t0.005\nX0\t0\t0\n"
 SCOPE = "Name\tP\nFile\tp\nStarttime of export\t1\n\nName\ta\tName\tb\nSampleTime[ms]\t5\tSampleTime[ms]\t5\n\n"
+OCTAVE = (
+    "# Created by Octave 8.4.0, Mon Jul 01 10:05:00 2024 UTC <u@rig>\n# name: note\n# type: string\n# length: 1\nx\n\n"
+)
+OCTAVE += "# name: t\n# type: range\n# base, limit, increment\n0 0.195 0.005\n\n" + "".join(
+    f"# name: {name}\n# type: matrix\n# rows: 40\n# columns: 1\n" + "".join(f" {row[k]}\n" for row in ROWS) + "\n\n"
+    for k, name in ((1, "a"), (2, "b"))
+)
 LOGGERS = {
     "no_times.lvm": LVM
     + "***End_of_Header***\nX_Value\ta\tb\tComment\n"
@@ -77,11 +84,28 @@ LOGGERS = {
     "counter.csv": "tick_us,a,b\n"
     + "\n".join(f"{(64000 + 5000 * k) % 2**16},{a},{b}" for k, (_, a, b) in enumerate(ROWS)),
     "old.asc": "Time\ta\tb\ns\tV\tA\n" + "\n".join(f"{t}\t{a}\t{b}" for t, a, b in ROWS),
+    "own_times.lvm": LVM.replace("\t0.005\t0.005", "\t0.005\t\t0.005").replace("X0\t0\t0", "X0\t0\t\t0")
+    + "Samples\t40\t\t40\nY_Unit_Label\tVolts\t\tAmps\n***End_of_Header***\nX_Value\ta\tX_Value\tb\tComment\n"
+    + "\n".join(f"{t}\t{a}\t{t}\t{b}\t" for t, a, b in ROWS),
+    "two_comments.dat": "# rig 3\n#t a b\n#[ms] [mV] [A]\n" + "\n".join(f"{1e3 * t} {a} {b}" for t, a, b in ROWS),
+    "levels.csv": ",a,b\n,V,A\ntime,,\n" + "\n".join(f"{t},{a},{b}" for t, a, b in ROWS),
+    "octave.txt": OCTAVE,
+    "octave.mat": OCTAVE,
+    "echo.yaml": "---\n".join(
+        f"header:\n  stamp:\n    sec: 1719000000\n    nanosec: {5_000_000 * k}\nname:\n- a\nload:\n  b: {b}\na: {a}\n"
+        for k, (_, a, b) in enumerate(ROWS)
+    ),
+    "twice.csv": "t,a,b\n" + "\n".join(f"{t},{a},{b}\n{t},{a},{b}" for t, a, b in ROWS),
     "cut.csv": "t,a,b\n" + "\n".join(f"{t},{a},{b}" for t, a, b in ROWS) + "\n0.2,3\n",
 }
 
 
-NAMES = {"echo.txt": ("a", "load.b"), "blanks.txt": ("the a", "Motor b"), "tuples.txt": ("c2", "c3")}
+NAMES = {
+    "echo.txt": ("a", "load.b"),
+    "echo.yaml": ("a", "load.b"),
+    "blanks.txt": ("the a", "Motor b"),
+    "tuples.txt": ("c2", "c3"),
+}
 """What the signals are called, where not ``a`` and ``b``."""
 DAYS = {"days.csv": 1e-6, "datenum.csv": 2e-5}
 """How well a time is known in s that is written in days."""
@@ -282,3 +306,37 @@ def test_further_tables(head: str, row: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(found.t - found.t[0], 0.005 * np.arange(40), atol=1e-9)
     np.testing.assert_array_equal(found.signals["voltage"].values, np.arange(40) % 7)
     np.testing.assert_array_equal(found.signals["speed"].values, np.arange(40) % 5)
+
+
+def test_numbers_of_base_16_are_read_and_their_sign_by_a_formula(tmp_path: Path) -> None:
+    rows = [(k, -300 + 20 * k) for k in range(40)]
+    (tmp_path / "run.csv").write_text("t [ms],raw,w\n" + "\n".join(f"{k},0x{v & 0xFFFF:04X},{v}" for k, v in rows))
+    model = Model.load("dc_motor")
+    data = read_for_model(tmp_path / "run.csv", model, {"voltage": "raw", "speed": "int16(raw)"})
+    np.testing.assert_array_equal(data.measured["speed"], [v for _, v in rows])
+    np.testing.assert_array_equal(data.u[:, 0], [v % 2**16 for _, v in rows])
+
+
+def test_results_of_modelica(tmp_path: Path) -> None:
+    from scipy.io import savemat
+
+    names = ["time", "mass.s", "-force", "mass.m"]
+    letters = ["".join(column) for column in zip(*(name.ljust(8) for name in names), strict=True)]
+    info = np.array([[0, 2, 2, 1], [1, 2, -3, 2], [0, 0, 0, 0], [-1, -1, -1, 0]], dtype=np.int32)
+    content = {"Aclass": ["Atrajectory", "1.1", "", "binTrans"], "name": letters, "description": letters}
+    content |= {"dataInfo": info, "data_1": np.zeros((2, 2)), "data_2": np.array(ROWS).T}
+    savemat(tmp_path / "run.mat", content, format="4")
+    record = read_record(tmp_path / "run.mat")
+    np.testing.assert_allclose(record.t, [t for t, _, _ in ROWS])
+    np.testing.assert_allclose(record.signals[record.require("mass.s")].values, [a for _, a, _ in ROWS])
+    np.testing.assert_allclose(record.signals[record.require("-force")].values, [-b for _, _, b in ROWS])
+    assert not [name for name in record.signals if name.endswith("m")]
+
+
+@pytest.mark.parametrize(
+    ("name", "way"), [("a.bag", "rosbags-convert"), ("a.ulg", "ulog2csv"), ("a.pkl", "to_parquet")]
+)
+def test_files_of_other_kinds_are_told_what_makes_a_record_of_them(name: str, way: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_bytes(b"\0")
+    with pytest.raises(RecordError, match=way):
+        read_record(tmp_path / name)

@@ -11,6 +11,7 @@ import pytest
 from signlin_ros.errors import ModelError, RecordError
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData, Record, Signal, read_for_model, read_record
+from signlin_ros.records.header import heading
 
 MOTOR = {
     "plant": "dc_motor",
@@ -421,3 +422,25 @@ def test_a_rate_that_was_held_is_told_from_a_smooth_one_by_the_force(held: bool)
     assert any("held in between" in note for note in data.notes) is held
     error = np.abs(data.u[:-1, 0] - velocity[:-1]).max()
     assert error < (1e-9 if held else 5e-3)
+
+
+def test_formulas_that_begin_alike_do_not_take_one_for_a_column_of_the_other(csv: Callable[[str], Path]) -> None:
+    rows = "\n".join(f"{0.1 * k:.1f},{500 + k},{510 + 2 * k}" for k in range(30))
+    model = oscillator(signals={"force": "0.25 * (goal - 500)", "displacement": "0.25 * (present - 500)"})
+    data = read_for_model(csv(f"t,goal,present\n{rows}"), model)
+    np.testing.assert_allclose(data.u[:, 0], 0.25 * np.arange(30))
+    np.testing.assert_allclose(data.measured["displacement"], 2.5 + 0.5 * np.arange(30))
+
+
+@pytest.mark.parametrize(
+    ("head", "unit"),
+    [
+        ("Current [Iq] [A]", "A"),
+        ("Speed [raw] (m/s)", "m/s"),
+        ("v (tick / second)", "tick / second"),
+        ("v (counts)", "counts"),
+        ("v [x] (left)", "x"),
+    ],
+)
+def test_the_bracket_that_holds_the_unit(head: str, unit: str) -> None:
+    assert heading(head).unit == unit

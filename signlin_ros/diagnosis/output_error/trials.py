@@ -113,7 +113,8 @@ def _of_sensors(problem: Problem, name: str) -> list[Trial]:
     """Return a trial for every channel."""
     late = [steps * problem.scale.step for steps in SENSOR_DELAYS]
     starts = {"sensor_gain": [1.0], "sensor_delay": late}.get(name, [0.0])
-    shown = [c for c in problem.channels if c in problem.base.states or name != "sensor_delay"]
+    own = problem.base.plant.channels(problem.base.parameters)
+    shown = [c for c in problem.channels if c in own and (c in problem.base.states or name != "sensor_delay")]
     return [Trial(name, tuple({f"{name}.{c}": start} for start in starts)) for c in shown]
 
 

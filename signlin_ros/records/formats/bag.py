@@ -10,6 +10,7 @@ the time when it was received, as in the nodes.
 from __future__ import annotations
 
 import re
+import shlex
 import sqlite3
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping
@@ -21,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signlin_ros.errors import MissingExtraError, RecordError
+from signlin_ros.files import TABLES, TEXT
 from signlin_ros.records import limits
 from signlin_ros.records.align import align, looks_held, named
 from signlin_ros.records.clean import renamed
@@ -152,8 +154,10 @@ def _storage(path: Path, source: str) -> list[Path]:
         return [path]
     files = sorted(part for part in path.iterdir() if part.suffix in STORAGE)
     if not files:
+        tables = sorted(part.name for part in path.iterdir() if part.suffix.lower() in (*TEXT, *TABLES))
+        way = f"; its tables are given one by one: {shlex.quote(f'{source}/{tables[0]}')} ..." if tables else ""
         raise RecordError(
-            f"{source}: this folder is no rosbag2 recording: no metadata.yaml, no .mcap, no .db3 file in it"
+            f"{source}: this folder is no rosbag2 recording: no metadata.yaml, no .mcap, no .db3 file in it{way}"
         )
     return files
 

@@ -46,6 +46,8 @@ _WITH_COMMA, _WITH_POINT = (re.compile(_NUMBER_PATTERN.format(mark), re.MULTILIN
 _THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")
 _FORTRAN, EXPONENTS_LOOKED = re.compile(r"(?<=\d)[dD](?=[-+]\d{1,3}\b)"), 4000
 """Exponents as Fortran writes them, ``1.5D-03``; so many characters tell."""
+_HEX = re.compile(r"(?<![^\s,;|\"])0[xX]([0-9a-fA-F]{1,8})(?![^\s,;|\"])")
+"""A cell that is a whole number of base 16."""
 _MAX_WHOLE = 2.0**53
 """Whole numbers beyond this are no doubles: they are read as integers, and counted from the first."""
 
@@ -96,6 +98,10 @@ def read_table(path: Path, source: str, keep: Keep, asked: Sequence[str] = ()) -
         letters, notes = told[0], (*notes, told[1])
     if _FORTRAN.search(letters[:EXPONENTS_LOOKED]):
         letters = _FORTRAN.sub("e", letters)
+    if _HEX.search(letters[:EXPONENTS_LOOKED]):
+        letters = _HEX.sub(lambda match: str(int(match[1], 16)), letters)
+        signed = "numbers of base 16 are read without a sign; int16(COLUMN) in a formula reads one"
+        notes = (*notes, Note(signed, "format"))
     limits.check_cells(letters, source)
     found = regular(letters, source)
     if found is not None:

@@ -95,7 +95,9 @@ def layout(text: str, source: str) -> Layout:
     body, numbers = _without_comments(lines, kept[first:], separator, width)
     body, numbers = _without_empty(body, numbers, separator)
     header_line = lines[kept[first - 1 - bool(unit_row)]] if names is not None and first else None
-    body, numbers, runs = _without_headers(body, numbers, header_line, lines[kept[first - 1]] if unit_row else None)
+    body, numbers, runs = _without_headers(
+        body, numbers, header_line, lines[kept[first - 1]] if unit_row and first else None
+    )
     body, numbers, foot = _without_foot(lines, body, numbers, separator)
     body, numbers, cut = _without_cut(body, numbers, separator, width, ended)
     cut = [*foot, *cut]
@@ -197,10 +199,13 @@ def _names(
     if len(above) > 1 and _are_units(above[-1]) and len(above[-2]) >= len(above[-1]) - 1 and not _are_units(above[-2]):
         unit_row = tuple(cell.strip("[]() ") for cell in above.pop())
         notes.append(Note("the row below the header was taken for units", "format"))
+    levels = _levels(above)
+    if levels is not None:
+        return *levels, [Note(f"a header of {len(above)} rows, as a data frame of several levels has", "format")]
     comments = [lines[i] for i in sorted({*range(kept[first])} - {*kept[:first]}) if lines[i].strip()]
     found = None if above and len(above[-1]) >= width else _header_in_comment(comments, width, separator)
     if found is not None:
-        return found, (), [Note("the header was found in a comment", "format")]
+        return *found, [Note("the header was found in a comment", "format")]
     if above:
         if len(above) > 1:
             lines_of = "1 line" if len(above) == 2 else f"{len(above) - 1} lines"
@@ -209,6 +214,20 @@ def _names(
     start = lines[kept[first]].strip()
     called = f"no header: the columns are called c1 to c{width}; the first row is {shortened(start)!r}"
     return None, (), [Note(called, "format")]
+
+
+def _levels(above: list[list[str]]) -> tuple[list[str], tuple[str, ...]] | None:
+    """The names of columns of several levels, joined by a point, and a row of units: below them a row names the index
+    alone, above it nothing does.
+    """
+    if len(above) < 2 or not above[-1][0] or any(above[-1][1:]):
+        return None
+    *levels, last = above
+    if any(row[0] or not all(row[1:]) or len(row) != len(last) for row in levels):
+        return None
+    unit_row = levels.pop() if len(levels) > 1 and _are_units(levels[-1]) else []
+    names = [".".join(parts) for parts in zip(*levels, strict=True)]
+    return [last[0], *names[1:]], tuple(unit_row)
 
 
 def _are_units(row: Sequence[str]) -> bool:
@@ -220,15 +239,22 @@ def _are_units(row: Sequence[str]) -> bool:
     return bool(known) and all(cell in known or cell in ("", "-") for cell in found)
 
 
-def _header_in_comment(comments: Sequence[str], width: int, separator: str) -> list[str] | None:
-    """The last comment with as many cells as the rows (numpy.savetxt writes the header there)."""
+def _header_in_comment(comments: Sequence[str], width: int, separator: str) -> tuple[list[str], tuple[str, ...]] | None:
+    """The last comment with as many cells as the rows (numpy.savetxt writes the header there), and a row of units that
+    stands below it.
+    """
+    unit_row: list[str] = []
     for line in reversed(comments):
         bare = line.strip().lstrip("#%/").strip()
         for mark in dict.fromkeys((separator, *TEXT_SEPARATORS)):
             found = cells(bare, mark)
-            if len(found) == width and width > 1 and not any(map(is_number, found)):
-                return found
-    return None
+            if len(found) != width or width < 2 or any(map(is_number, found)):
+                continue
+            if unit_row or not _are_units(found):
+                return found, tuple(cell.strip("[]() ") for cell in unit_row)
+            unit_row = found
+            break
+    return (unit_row, ()) if unit_row else None
 
 
 def _without_comments(

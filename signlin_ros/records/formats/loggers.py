@@ -129,6 +129,8 @@ def _labview(lines: Sequence[str]) -> Plain | None:
 def _segment(head: Sequence[str], body: Sequence[str], mark: str) -> list[Track]:
     """Return the signals of one segment: its header's lines, then the names and the rows."""
     keys = {cells[0]: [c.strip() for c in cells[1:]] for line in head if (cells := line.split(mark))[0]}
+    apart = len(keys.get("Samples", [])) > 1 and keys["Samples"][1] == ""  # each signal has a column of X of its own
+    keys = {key: found[::2] if apart else found for key, found in keys.items()}
     rows = [line.split(mark) for line in body if line.strip() and not line.startswith("Channels")]
     if not rows:
         return []

@@ -21,6 +21,7 @@ import numpy.typing as npt
 from signlin_ros.errors import MissingExtraError, RecordError
 from signlin_ros.records import limits
 from signlin_ros.records.clean import RawTable
+from signlin_ros.records.formats import modelica
 from signlin_ros.records.grammar import words
 from signlin_ros.records.header import TIME_KEYS, Heading, clock, heading
 from signlin_ros.records.notes import Note
@@ -187,7 +188,8 @@ def _load(path: Path, source: str) -> dict[str, Any]:
 
     try:
         limits.check_size(sum(8 * math.prod(shape) for _, shape, _ in whosmat(str(path))), source)
-        return dict(loadmat(str(path)))
+        found = dict(loadmat(str(path)))
+        return modelica.arrays(found) if modelica.is_result(found) else found
     except NotImplementedError:
         kind = "a MAT file of version 7.3 (HDF5; save(..., '-v7') in MATLAB makes one that needs nothing)"
         return _load_hdf(path, source, kind, "save it in MATLAB with save(..., '-v7')")
