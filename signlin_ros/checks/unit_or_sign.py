@@ -14,6 +14,7 @@ from signlin_ros.checks.look import Look
 from signlin_ros.checks.observer import LinearPrediction, Together
 from signlin_ros.checks.readings import MAX_FACTOR_RATIO, Reading, gear, gears, pairs, signs, units
 from signlin_ros.checks.travel import EQUAL
+from signlin_ros.errors import joined
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.records.notes import as_notes
@@ -112,6 +113,11 @@ class UnitOrSign(OfColumns):
         sign = r.only_sign
         doubt = f" (as well as: {first.words})" if first else ""
         said = _stated(look) & {*names}
+        motions = [name for name in look.channels if name in (look.position, look.velocity)]
+        force = names == tuple(look.record.inputs[:1]) and bool(look.model.plant.scaled_by_effort)
+        if force and not sign and motions and {*motions} <= _stated(look):
+            other = joined([f"the {name} ({look.record.labels.get(name, name)!r})" for name in motions])
+            doubt += f", or if {other} is not in the unit that its column states: a factor of both is the same"
         doubtful = not needed or said or _may_be_guess(look, r)  # whoever names a unit knows it
         severity = "offer" if sign or doubtful else "refuse"
         return Finding(

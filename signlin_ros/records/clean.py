@@ -145,10 +145,17 @@ def _check_stamps(table: RawTable, times: Times) -> None:
 
 
 def renamed(record: Record, signals: Mapping[str, str]) -> Record:
-    """The record with signals renamed: `signals` maps the new name to what stands over the column."""
+    """The record with signals renamed: `signals` maps the new name to what stands over the column, or to a formula."""
     if not signals:
         return record
-    keys = {name: record.require(spec, "signal") for name, spec in signals.items()}
+    from signlin_ros.records.formulas import made  # which puts signals on one clock with what is below
+
+    keys = {}
+    for name, spec in signals.items():
+        if record.find(spec) is None and (is_formula(spec) or split_unit(spec)[1]):
+            record, keys[name] = made(record, name, spec)
+        else:
+            keys[name] = record.require(spec, "signal")
     kept = {key: key for key in record.signals if key not in keys.values()}
     lost = [key for key in kept if key in keys]
     order = {**keys, **{key: key for key in kept if key not in keys}}

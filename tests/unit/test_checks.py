@@ -162,6 +162,17 @@ def test_a_drive_that_is_switched_off_by_about_a_power_of_its_steps_does_not_ove
     assert [*IntegerOverflow().find(Look(model, held))]
 
 
+def test_a_column_that_states_a_wrong_unit_is_named_beside_the_force_s(tmp_path: Path) -> None:
+    model = Model.load("mass_spring_damper").with_parameters(k=0.0)
+    t = np.arange(SAMPLES) * STEP
+    u = multisine(4.0)
+    x = simulate(model, t, u[:, None]).x
+    lines = [f"{a:.2f},{b:.6f},{c:.8f}" for a, b, c in zip(t, u, x[:, 0], strict=True)]
+    (tmp_path / "run.csv").write_text("\n".join(["t,force [N],displacement [mm]", *lines]))
+    _, findings = found(model, read_for_model(tmp_path / "run.csv", model))
+    assert "'displacement [mm]') is not in the unit that its column states" in findings["unit_or_sign"].sentence
+
+
 # ------------------------------------------------------------------ sources, sensors
 
 

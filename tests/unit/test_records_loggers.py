@@ -311,10 +311,11 @@ def test_further_tables(head: str, row: str, tmp_path: Path) -> None:
 def test_numbers_of_base_16_are_read_and_their_sign_by_a_formula(tmp_path: Path) -> None:
     rows = [(k, -300 + 20 * k) for k in range(40)]
     (tmp_path / "run.csv").write_text("t [ms],raw,w\n" + "\n".join(f"{k},0x{v & 0xFFFF:04X},{v}" for k, v in rows))
-    model = Model.load("dc_motor")
-    data = read_for_model(tmp_path / "run.csv", model, {"voltage": "raw", "speed": "int16(raw)"})
-    np.testing.assert_array_equal(data.measured["speed"], [v for _, v in rows])
-    np.testing.assert_array_equal(data.u[:, 0], [v % 2**16 for _, v in rows])
+    record = read_record(tmp_path / "run.csv", {"speed": "0.5 * int16(raw)", "turns": "w [rpm]"})
+    np.testing.assert_array_equal(record.signals["speed"].values, [0.5 * v for _, v in rows])
+    assert record.signals["turns"].unit == "rpm"
+    raw = read_record(tmp_path / "run.csv").signals["raw"].values
+    np.testing.assert_array_equal(raw, [v % 2**16 for _, v in rows])
 
 
 def test_results_of_modelica(tmp_path: Path) -> None:
