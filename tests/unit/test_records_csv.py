@@ -292,9 +292,9 @@ def test_missing_file_and_other_kinds(read: Read, tmp_path: Path) -> None:
     (tmp_path / "run.csv").write_text(PLAIN)
     with pytest.raises(RecordError, match=r"no such file.*'run\.csv'"):
         read_record(tmp_path / "rum.csv")
-    (tmp_path / "run.docx").write_bytes(b"PK")
+    (tmp_path / "run.rtf").write_bytes(b"PK")
     with pytest.raises(RecordError, match=r"\.csv.*\.mcap"):
-        read_record(tmp_path / "run.docx")
+        read_record(tmp_path / "run.rtf")
     assert len(read_record(str(tmp_path / "run.csv"))) == 3
 
 
