@@ -18,6 +18,7 @@ fewer than two rows          refused
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -204,6 +205,7 @@ def spacing(t: Array, where: Callable[[int], str]) -> list[Note]:
 def _named_apart(table: RawTable) -> RawTable:
     """The table with a name for every column: of two that are the same one is left out, others get their number."""
     first: dict[str, int] = {}
+    count = Counter(head.label for head in table.headings)
     kept, headings, notes = [], [], []
     for i, head in enumerate(table.headings):
         if not head.label and i == 0 and _counts_rows(table.columns[0]):
@@ -217,7 +219,7 @@ def _named_apart(table: RawTable) -> RawTable:
             said = f"column {head.label!r} is there twice, alike: one is left out"
             notes.append(Note(said, "repeated", head.label))
             continue
-        alone = sum(other.label == head.label for other in table.headings) == 1 or _same(table, head.label)
+        alone = count[head.label] == 1 or _same(table, head.label)
         number = "" if alone else f" (column {head.number or i + 1})"
         kept.append(i)
         headings.append(replace(head, label=f"{head.label}{number}"))
