@@ -5,6 +5,8 @@ into ``dry`` (n,) the largest rate that dry friction takes from a state which is
 ``control(r, y, z, memory, c)``: it returns u from the reference r, the states, three standard normal numbers z of this
 tick and a memory (8,) of its own. p and c are tuples of floats. SI units.
 
+A machine and a controller are compiled by themselves, and what marches, once for all of them, calls them by address.
+
 Method: the midpoint rule with steps of some 20 µs. Dry friction is implicit: it stops a velocity that it can stop
 within the step, and opposes one that it cannot [Moreau 1988, doi:10.1007/978-3-7091-2624-0_1].
 """
@@ -12,13 +14,15 @@ within the step, and opposes one that it cannot [Moreau 1988, doi:10.1007/978-3-
 # mypy: disable-error-code="no-any-return"
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numba import njit
+from numba import float64, int64, njit, types
+from numba.np.unsafe.ndarray import to_fixed_tuple
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
@@ -47,6 +51,33 @@ class Run:
         return np.minimum(np.maximum.accumulate(rows + late), len(self.t) - 1)
 
 
+_ROW = float64[::1]
+_LAW = types.FunctionType(types.void(float64, _ROW, float64, _ROW, _ROW, _ROW))
+_CONTROL = types.FunctionType(float64(float64, _ROW, _ROW, _ROW, _ROW))
+
+
+@functools.cache
+def _law(law: Any, count: int) -> Any:
+    """Return a machine of so many numbers p as what marches calls it, with an array of them."""
+
+    @njit(_LAW.signature, error_model="numpy")
+    def called(t: float, y: Array, u: float, p: Array, rate: Array, dry: Array) -> None:
+        law(t, y, u, to_fixed_tuple(p, count), rate, dry)
+
+    return called
+
+
+@functools.cache
+def _controller(control: Any, count: int) -> Any:
+    """Return a controller of so many numbers c in the same way."""
+
+    @njit(_CONTROL.signature, error_model="numpy")
+    def called(r: float, y: Array, z: Array, memory: Array, c: Array) -> float:
+        return control(r, y, z, memory, to_fixed_tuple(c, count))
+
+    return called
+
+
 @njit
 def _stopped(v: float, most: float) -> float:
     return 0.0 if abs(v) <= most else v - most * np.sign(v)
@@ -64,7 +95,6 @@ def _step(law: Any, t: float, y: Array, u: float, p: Any, h: float, rate: Array,
         y[i] = _stopped(y[i] + h * rate[i], h * dry[i])
 
 
-@njit
 def _marched(
     law: Any, control: Any, y: Array, r: Array, z: Array, p: Any, c: Any, tick: float, parts: int
 ) -> tuple[Array, Array]:
@@ -77,6 +107,12 @@ def _marched(
         for j in range(parts):
             _step(law, (k * parts + j) * h, y, u, p, h, rate, dry, half)
     return states, inputs
+
+
+@functools.cache
+def _march() -> Any:
+    """Return `_marched`, compiled when it is first asked for."""
+    return njit((_LAW, _CONTROL, _ROW, _ROW, float64[:, ::1], _ROW, _ROW, float64, int64))(_marched)
 
 
 @njit
@@ -135,8 +171,9 @@ def simulate(
     """Return how a machine moves from a start while its controller follows a reference (K,), one value each tick."""
     noise = rng.standard_normal((len(reference), 3))
     parts = max(1, round(tick / step))
-    y, u = _marched(law, control, np.array(start, dtype=float), np.asarray(reference, dtype=float), noise, p, c, tick,
-                    parts)  # fmt: skip
+    numbers = (np.array(values, dtype=float) for values in (p, c))
+    moved = _law(law, len(p)), _controller(control, len(c)), np.array(start, dtype=float)
+    y, u = _march()(*moved, np.array(reference, dtype=float), noise, *numbers, tick, parts)
     return Run(np.arange(len(reference)) * tick, y, u, tick)
 
 
