@@ -313,15 +313,16 @@ class OutputErrorEstimator(Minima):
     ) -> list[FittedModel]:
         """Return fits with one effect more of many local minima, each from the best that its starts lead to; from
         others as well, while that leaves more than about the noise, and its innovations are less likely beside none of
-        the ``rivals``.
+        the ``rivals``. Beside what it contains it is not sought.
         """
-        options = [t for t in trials(self.training, names) if t.effect.rugged and t.name not in of.effects]
+        rugged = [t for t in trials(self.training, names) if t.effect.rugged]
+        options = [t for t in rugged if not {t.name, *t.effect.contains} & set(of.effects)]
         self.progress.say(phrases.MANY_MINIMA)
         middle = self.training.observer_gains[1]
         seen = [evaluated(self.short, f.fit.candidate, f.fit.theta, middle, False) for f in rivals]
         most, found = min((f.objective for f in seen if f), default=np.inf), list[FittedModel]()
         for trial in options:
-            for seed in range(EVOLUTIONS):
+            for seed in range(1 if of.effects else EVOLUTIONS):
                 f = evolved_fit(self.short, self.best(of).fit, trial, self.in_parallel, seed)
                 found += (new := self._all_finished(of, [f] if f else []))
                 if f is None or f.objective > most or not all(self._may_be_lower(one) for one in new):

@@ -29,6 +29,8 @@ GENERATIONS = (0.15, 0.15, 0.05)
 wrong load loses it, and what it leaves then says nothing of which way the right one lies."""
 FEWEST_PARENTS = 3
 """Points of which another is bred."""
+BEYOND = 1.0
+"""How far beyond all starts a point may get (log): an observer may make of it a disturbance that it follows."""
 DIFFERENCE, JITTER = 0.7, 0.15
 """Part of the difference of two points that is added to a third one, and the spread of what is drawn besides (log)."""
 
@@ -44,14 +46,20 @@ def evolved_fit(problem: Problem, before: Fit, trial: Trial, each: Each, seed: i
     own = {k.name: i for i, k in enumerate(c.coordinates) if k.name.partition(".")[0] == c.label[-1]}
     index = {n: own[f"{c.label[-1]}.{n}"] for n in trial.starts[0] if f"{c.label[-1]}.{n}" in own}
 
+    draw, logs = np.random.default_rng(seed), np.log([[start[n] for n in index] for start in trial.starts])
+    low, size = logs.min(axis=0), np.ptp(logs, axis=0)
+
+    def real(f: Fit) -> bool:
+        values = _values(c, index, f.theta)
+        within = np.all(np.abs(np.log(values) - low - size / 2.0) <= size / 2.0 + BEYOND)
+        return bool(within) and trial.effect.plausible({**trial.starts[0], **dict(zip(index, values, strict=True))})
+
     def followed(wander: float, steps: int, thetas: Sequence[Array]) -> list[Fit]:
         one = replace(c, load_wander=wander)
         run = each(lambda theta: _followed(problem, one.apart(), theta, high, steps), thetas)
-        return sorted((f for f in run if f), key=attrgetter("objective"))
+        return sorted((f for f in run if f and real(f)), key=attrgetter("objective"))
 
-    draw, logs = np.random.default_rng(seed), np.log([[start[n] for n in index] for start in trial.starts])
     if seed:
-        low, size = logs.min(axis=0), np.ptp(logs, axis=0)
         logs = low + np.mod(logs - low + draw.random(len(index)) * size, np.maximum(size, 1e-300))
     first = [_at(c, index, c.start(), values) for values in np.exp(logs).tolist()]
     points = followed(GENERATIONS[0], 0, first)[:FOLLOWED_FIRST]
@@ -68,8 +76,8 @@ def evolved_fit(problem: Problem, before: Fit, trial: Trial, each: Each, seed: i
         values = {**trial.starts[0], **dict(zip(index, _values(c, index, f.theta), strict=True))}
         again = parts.extended(trial.name, completed(problem, trial.effect, values)).candidate(problem)
         starts.append((again, again.start(f.parameters())))
-    fits = each(lambda one: fit(problem, one[0], middle, one[1], 2 * LAST_STEPS), starts)
-    return min((f for f in fits if f), key=partial(log_mse_of_windows, problem), default=None)
+    fits = [f for f in each(lambda one: fit(problem, one[0], middle, one[1], 2 * LAST_STEPS), starts) if f]
+    return min(list(filter(real, fits)) or fits, key=partial(log_mse_of_windows, problem), default=None)
 
 
 def _followed(problem: Problem, c: Candidate, theta: Array, gains: ObserverGains, steps: int) -> Fit | None:
