@@ -791,7 +791,12 @@ def test_why_more_than_the_sensors_noise_counts_as_noise(clean, curve, told):
     channels = SimpleNamespace(channels=("current", "speed"), input_noise=np.zeros(1))
     dataset = SimpleNamespace(horizon=0.2, training=channels, noise=sensors)
     seen = SimpleNamespace(
-        force_noise_percent=0.796, near_noise=lambda f: False, of_effort="of the effort", dataset=dataset
+        force_noise_percent=0.796,
+        near_noise=lambda f: False,
+        near_any_noise=lambda f: False,
+        force_shows=lambda f: True,
+        of_effort="of the effort",
+        dataset=dataset,
     )
     shown = {
         "names": (),
@@ -804,7 +809,9 @@ def test_why_more_than_the_sensors_noise_counts_as_noise(clean, curve, told):
     }
     j = SimpleNamespace(percent=2.93, final=final, flexible=SimpleNamespace(percent=curve), **shown)
     errs = "Over 0.2 s, speed errs by 4.6 times its sensor's noise."
-    assert verdicts.sentence(seen, j).endswith(f"is 2.93 % of the effort, the sensors' noise 0.796 %{told}. {errs}")
+    said = verdicts.sentence(seen, j)
+    assert said.endswith(f"is 2.93 % of the effort, the sensors' noise 0.796 %{told}. {errs}")
+    assert said.startswith(verdicts.NOTHING_MISSING if clean else "What is missing is small, and no listed effect")
 
 
 @pytest.mark.parametrize(("size", "differs"), [(2.0, True), (1.6, True), (1.3, False)])

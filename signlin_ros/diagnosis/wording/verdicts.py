@@ -55,8 +55,9 @@ def sentence(evidence: Evidence, verdict: Verdict) -> str:
     first = _first(verdict)
     inputs = _of_inputs(evidence, verdict)
     if verdict.label == "adequate":
-        shows = evidence.force_shows(verdict.final) and not evidence.near_any_noise(verdict.final)
-        nothing = LITTLE_MISSING if shows and not verdict.final.residual_is_noise else NOTHING_MISSING
+        final = verdict.final
+        is_noise = final.residual_is_noise or evidence.near_any_noise(final) or not evidence.force_shows(final)
+        nothing = NOTHING_MISSING if is_noise else LITTLE_MISSING
         return f"{first}{nothing}{_left_over(evidence, verdict)}.{_motion_left(evidence, verdict)}{inputs}"
     if verdict.label == "missing":
         what = falls(evidence, verdict, verdict.base, verdict.final)
