@@ -6,6 +6,7 @@ effort moves its own joint.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -263,18 +264,75 @@ def _efforts(model: ArmModel, record: ModelData) -> Iterator[Finding]:
     pieces, n = _pieces(model, record), model.robot.n
     if any(name in model.link_side for name in model.robot.names):
         return
-    needed = [inverse_dynamics(p.robot, p.q, p.v, p.a) for p in pieces]
-    bodies = np.concatenate([p.filtered(x) for p, x in zip(pieces, needed, strict=True)])
-    speeds, rates = (np.concatenate([p.filtered(getattr(p, what)) for p in pieces]) for what in ("v", "a"))
-    signs = np.concatenate(
-        [p.filtered(np.stack([np.tanh(p.v[:, i] / (3.0 * p.noise[i])) for i in range(n)], 1)) for p in pieces]
-    )
-    tau = np.concatenate([p.tau for p in pieces])
-    motions = [np.stack([bodies[:, j], signs[:, j], speeds[:, j], rates[:, j], np.ones(len(tau))], 1) for j in range(n)]
+    bodies, moves, tau = _bodies(pieces), _motions(pieces, n), np.concatenate([p.tau for p in pieces])
+    motions = [_columns(bodies[:, j], moves, j) for j in range(n)]
     fits = [[_fitted(tau[:, i], motions[j]) for j in range(n)] for i in range(n)]
     yield from _exchanged(model, fits)
+    yield from _joints_exchanged(model, pieces, moves, tau, [fits[i][i].explained for i in range(n)])
     for i, name in enumerate(model.robot.names):
         yield from _of_effort(model, record, i, name, fits[i][i], pieces, motions[i])
+
+
+def _bodies(pieces: Sequence[ArmSegment]) -> Array:
+    """Return what the URDF's bodies need (T, n), filtered."""
+    needed = [inverse_dynamics(p.robot, p.q, p.v, p.a) for p in pieces]
+    return np.concatenate([p.filtered(x) for p, x in zip(pieces, needed, strict=True)])
+
+
+def _bodies_in(order: list[int], pieces: Sequence[ArmSegment]) -> Array:
+    """Return the same at the rows alone, the joints' records taken in an order: near enough, and quick."""
+    rows = [(p.robot, [x[p.index][:, order] for x in (p.q, p.v, p.a)]) for p in pieces]
+    return np.concatenate([inverse_dynamics(robot, q, v, a) for robot, (q, v, a) in rows])
+
+
+def _motions(pieces: Sequence[ArmSegment], n: int) -> tuple[Array, Array, Array]:
+    """Return dry friction of size one, velocities and accelerations (T, n each), filtered."""
+    signs = [p.filtered(np.tanh(p.v / (3.0 * p.noise[:n]))) for p in pieces]
+    v, a = ([p.filtered(getattr(p, what)) for p in pieces] for what in ("v", "a"))
+    return np.concatenate(signs), np.concatenate(v), np.concatenate(a)
+
+
+def _columns(body: Array, moves: tuple[Array, Array, Array], j: int) -> Array:
+    """Return what an effort is fitted by (T, 5): a joint's body (T,), and the motion of the joint j."""
+    return np.stack([body, *(move[:, j] for move in moves), np.ones(len(body))], axis=1)
+
+
+def _joints_exchanged(
+    model: ArmModel,
+    pieces: Sequence[ArmSegment],
+    moves: tuple[Array, Array, Array],
+    tau: Array,
+    explained: Sequence[float],
+) -> Iterator[Finding]:
+    """Yield two joints whose records are each other's as a whole: the URDF explains the efforts of all if they are
+    exchanged. Joints whose efforts it explains have nothing to gain.
+    """
+    joints, best = model.robot.joints, (BETTER, -1, -1)
+    if len(joints) - sum(explained) < BETTER or model.arm.couplings:
+        return
+    for i, j in itertools.combinations(range(len(joints)), 2):
+        if joints[i].prismatic != joints[j].prismatic:
+            continue
+        order = list(range(len(joints)))
+        order[i], order[j] = j, i
+        bodies = _bodies_in(order, pieces)
+        fits = [_fitted(tau[:, own], _columns(bodies[:, at], moves, own)) for at, own in enumerate(order)]
+        gain = sum(fit.explained for fit in fits) - sum(explained)
+        best = max(best, (gain, i, j))
+    if best[1] >= 0:
+        a, b = joints[best[1]].name, joints[best[2]].name
+        said = f"the efforts go with the URDF if the records of {a} and {b} are exchanged: the names are exchanged"
+        ways = (f"exchange_joints_{a}_{b}", "the two joints are exchanged")
+        yield _found("joint_names", f"{a}, {b}", "refuse", said, *ways, action=_exchange_all(a, b))
+
+
+def _exchange_all(a: str, b: str) -> Callable[[ModelData], ModelData]:
+    def cure(record: ModelData) -> ModelData:
+        for what in (q for q in QUANTITIES if q == "effort" or f"{a}.{q}" in record.measured):
+            record = _exchange(f"{a}.{what}", f"{b}.{what}")(record)
+        return record
+
+    return cure
 
 
 def _left_open(model: ArmModel, pieces: Sequence[ArmSegment], i: int, X: Array) -> float:

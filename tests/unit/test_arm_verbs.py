@@ -60,6 +60,11 @@ WRONG = {
         ("joint_names", "waist.effort, shoulder.effort", "refuse"),
         "exchange_waist_shoulder",
     ),
+    "joints exchanged as a whole": (
+        {"q": Q[:, [1, 0, 2]], "v": V[:, [1, 0, 2]], "u": U[:, [1, 0, 2]]},
+        ("joint_names", "waist, shoulder", "refuse"),
+        "exchange_joints_waist_shoulder",
+    ),
     "velocities exchanged": ({"v": V[:, [1, 0, 2]]}, ("joint_names", "waist.velocity", "refuse"), ""),
     "a joint that does not move": (
         {"q": Q * [1, 1, 0], "v": V * [1, 1, 0]},
@@ -90,6 +95,14 @@ def test_a_cure_puts_it_right(tmp_path):
     cures = [f"{name}_position_in_deg" for name in NAMES]
     (cured,), findings = found(tmp_path, q=np.degrees(Q), cures=cures)
     np.testing.assert_allclose(cured.measured["elbow.position"], Q[:, 2], atol=1e-5)
+    assert not any(f.open for f in findings)
+
+
+def test_joints_that_were_exchanged_are_exchanged_back(tmp_path):
+    swapped = {"q": Q[:, [1, 0, 2]], "v": V[:, [1, 0, 2]], "u": U[:, [1, 0, 2]]}
+    (cured,), findings = found(tmp_path, **swapped, cures=["exchange_joints_waist_shoulder"])
+    np.testing.assert_allclose(cured.measured["shoulder.position"], Q[:, 1], atol=1e-5)
+    np.testing.assert_allclose(cured.u, U, atol=1e-4)
     assert not any(f.open for f in findings)
 
 
