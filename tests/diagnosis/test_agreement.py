@@ -795,6 +795,7 @@ def test_why_more_than_the_sensors_noise_counts_as_noise(clean, curve, told):
         near_noise=lambda f: False,
         near_any_noise=lambda f: False,
         force_shows=lambda f: True,
+        criteria=DEFAULT_CRITERIA,
         of_effort="of the effort",
         dataset=dataset,
     )
@@ -812,6 +813,23 @@ def test_why_more_than_the_sensors_noise_counts_as_noise(clean, curve, told):
     said = verdicts.sentence(seen, j)
     assert said.endswith(f"is 2.93 % of the effort, the sensors' noise 0.796 %{told}. {errs}")
     assert said.startswith(verdicts.NOTHING_MISSING if clean else "What is missing is small, and no listed effect")
+
+
+@pytest.mark.parametrize(
+    ("percent", "noise", "begins"),
+    [
+        (20.9, True, verdicts.LIKE_NOISE),
+        (3.0, True, verdicts.NOTHING_MISSING),
+        (3.0, False, verdicts.LITTLE_MISSING),
+    ],
+)
+def test_the_words_of_an_adequate_model_go_with_its_numbers(percent, noise, begins):
+    """ "Nothing is missing that this record could show: 20.9 % of the effort, the sensors' noise 0.861 %"."""
+    seen = SimpleNamespace(
+        near_any_noise=lambda f: False, force_shows=lambda f: percent > 2.0, criteria=DEFAULT_CRITERIA
+    )
+    shown = SimpleNamespace(percent=percent, final=SimpleNamespace(residual_is_noise=noise))
+    assert verdicts._how_little(seen, shown) == begins
 
 
 @pytest.mark.parametrize(("size", "differs"), [(2.0, True), (1.6, True), (1.3, False)])

@@ -25,6 +25,7 @@ from signlin_ros.par import gathered
 
 NOTHING_MISSING = "Nothing is missing that this record could show"
 LITTLE_MISSING = "What is missing is small, and no listed effect explains it"
+LIKE_NOISE = "No listed effect is missing that this record could show, and what is left cannot be told from coloured noise"
 MAX_TIMES_NOISE = 100
 """Times the sensors' noise above which the number tells no more."""
 MAX_UNSURE_EFFECTS = 3
@@ -55,14 +56,23 @@ def sentence(evidence: Evidence, verdict: Verdict) -> str:
     first = _first(verdict)
     inputs = _of_inputs(evidence, verdict)
     if verdict.label == "adequate":
-        final = verdict.final
-        is_noise = final.residual_is_noise or evidence.near_any_noise(final) or not evidence.force_shows(final)
-        nothing = NOTHING_MISSING if is_noise else LITTLE_MISSING
+        nothing = _how_little(evidence, verdict)
         return f"{first}{nothing}{_left_over(evidence, verdict)}.{_motion_left(evidence, verdict)}{inputs}"
     if verdict.label == "missing":
         what = falls(evidence, verdict, verdict.base, verdict.final)
         return f"{first}The model lacks {listed(verdict.names)}: {what}.{remainder(evidence, verdict)}{inputs}"
     return f"{first}{_unexplained(evidence, verdict)}"
+
+
+def _how_little(evidence: Evidence, verdict: Verdict) -> str:
+    """Return what an adequate model lacks: nothing, little, or much that looks like noise, as its numbers say."""
+    final = verdict.final
+    if evidence.near_any_noise(final) or not evidence.force_shows(final):
+        return NOTHING_MISSING
+    if not final.residual_is_noise:
+        return LITTLE_MISSING
+    large = (verdict.percent or 0.0) > 100.0 * evidence.criteria.min_missing_share
+    return LIKE_NOISE if large else NOTHING_MISSING
 
 
 def _first(verdict: Verdict) -> str:
