@@ -25,7 +25,7 @@ from signlin_ros.par import gathered
 
 NOTHING_MISSING = "Nothing is missing that this record could show"
 LITTLE_MISSING = "What is missing is small, and no listed effect explains it"
-LIKE_NOISE = "No listed effect is missing that this record could show, and what is left cannot be told from coloured noise"
+LIKE_NOISE = "No listed effect shows to be missing, and what is left cannot be told from coloured noise"
 MAX_TIMES_NOISE = 100
 """Times the sensors' noise above which the number tells no more."""
 MAX_UNSURE_EFFECTS = 3
