@@ -805,3 +805,11 @@ def test_the_units_of_a_rotary_axis_are_rotary() -> None:
     assert rotary.units == {"displacement": "rad", "velocity": "rad/s", "force": "N·m"}
     units = {name.rpartition(".")[2]: par.unit for name, par in rotary.par_declarations().items()}
     assert units == {"m": "kg·m²", "c": "N·m·s/rad", "k": "N·m/rad", "A": "N·m", "q0": "rad"}
+
+
+def test_what_a_record_calls_a_state_of_an_effect_goes_with_the_effect():
+    drive = {"plant": "mass_spring_damper", "axis": "rotary", "parameters": {"m": 0.001, "c": 0.002, "k": 0.0}}
+    signals = {"force": "M", "displacement": "motor", "compliant_load.position": "load"}
+    effects = {"compliant_load": {"k": 9.0, "c": 0.004, "J": 0.002}}
+    model = Model.from_dict({**drive, "effects": effects, "signals": signals})
+    assert model.without_effect("compliant_load").signals == {"force": "M", "displacement": "motor"}
