@@ -82,7 +82,9 @@ def _record(bag: _Bag, source: str, asked: Collection[str], part: tuple[int, int
     series, notes = _series(bag, asked, part)
     if not series:
         known = "std_msgs, JointState, JointTrajectoryControllerState"
-        raise RecordError(f"{source}: no topic holds numbers ({known}); {_listing(bag.types)}")
+        topic = next(iter(bag.types), "/topic")
+        way = f"fields of other messages are taken by their path, --signal NAME={topic}.FIELD"
+        raise RecordError(f"{source}: no topic holds numbers ({known}); {_listing(bag.types)}; {way}")
     held = {name for name, one in series.items() if looks_held(one)}
     try:
         one = align(series, held, base and named(series, base))
