@@ -6,6 +6,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from signlin_ros.diagnosis.evidence import HALF, Evidence
 from signlin_ros.diagnosis.output_error import FittedModel
 from signlin_ros.diagnosis.selection import Selection
@@ -15,6 +17,7 @@ from signlin_ros.diagnosis.wording import phrases
 from signlin_ros.diagnosis.wording.reasons import REASONS
 from signlin_ros.errors import joined
 
+SENSOR_OFFSET = "sensor_offset"
 REMAINDER_REASONS = ("structure", "elsewhere")
 """Why records are not explained, where more is left than the proposal takes away."""
 
@@ -27,6 +30,30 @@ def without_untold(evidence: Evidence, verdict: Verdict) -> Verdict:
         return verdict
     alone = verdict_of(evidence, Selection(evidence.base, untold=verdict.reason))
     return alone if alone.label == "adequate" else verdict
+
+
+def without_rounding(evidence: Evidence, verdict: Verdict) -> Verdict:
+    """Return the verdict without an offset of a sensor that is within the step in which it shows, where nothing is open
+    without it, or no more than half of a step near the noise: one that rounds down reads half a step too little.
+    """
+    problem, label = evidence.dataset.training, SENSOR_OFFSET
+    values = verdict.final.fit.parameters()
+    steps = dict(zip(problem.channels, problem.quanta.tolist(), strict=True))
+    offsets = {c: values[f"{label}.{c}"] for c in steps if f"{label}.{c}" in values}
+    inside = {c: x for c, x in offsets.items() if abs(x) < steps[c]}
+    if label not in verdict.names or verdict.reason or verdict.selection.asked or len(inside) < max(len(offsets), 1):
+        return verdict
+    rest, (channel, offset) = verdict.without[label], next(iter(inside.items()))
+    unit = problem.shown(problem.units.get(channel, ""))
+    dropped = {**verdict.selection.dropped, label: phrases.rounded(channel, offset, steps[channel], unit)}
+    other = verdict_of(evidence, replace(verdict.selection, chosen=rest, dropped=dropped))
+    half = bool(np.all(rest.validation_rmse <= problem.quanta / 2.0)) and evidence.near_noise(rest)
+    if other.reason == "structure" and half:
+        other = replace(other, reason="", label="missing" if rest.effects else "adequate")
+    if other.reason:
+        return verdict
+    evidence.cache.keep(*([rest] if rest.effects else []))
+    return other
 
 
 def without_idle(evidence: Evidence, verdict: Verdict) -> Verdict:
@@ -94,4 +121,4 @@ def _takes_nothing(evidence: Evidence, verdict: Verdict, without: FittedModel, l
     return not (bool(shown.any()) or force) and (left or not freed(without, final))
 
 
-__all__ = ["without_idle", "without_untold"]
+__all__ = ["without_idle", "without_rounding", "without_untold"]

@@ -33,7 +33,7 @@ from signlin_ros.diagnosis.least_absolute import by_absolute_error
 from signlin_ros.diagnosis.output_error import FitCache
 from signlin_ros.diagnosis.output_error.trials import trials
 from signlin_ros.diagnosis.progress import Progress, Report
-from signlin_ros.diagnosis.pruning import without_idle, without_untold
+from signlin_ros.diagnosis.pruning import without_idle, without_rounding, without_untold
 from signlin_ros.diagnosis.results import Diagnosis, listed
 from signlin_ros.diagnosis.selection import Selection, select_model
 from signlin_ros.diagnosis.summary import summary_of
@@ -74,7 +74,7 @@ def diagnose(
     if rivals:
         watched.say(phrases.PLANNED_RIVALS)
         selection = discriminated(evidence, selection, refitted(evidence, rivals))
-    verdict = without_untold(evidence, verdict_of(evidence, selection))
+    verdict = without_rounding(evidence, without_untold(evidence, verdict_of(evidence, selection)))
     return summary_of(evidence, without_idle(evidence, verdict))
 
 

@@ -130,6 +130,11 @@ def unresolved(key: str) -> str:
     return f"{key} is smaller than the instant of a sample is known"
 
 
+def rounded(channel: str, offset: float, step: float, unit: str) -> str:
+    """Return that an offset is how a sensor rounds."""
+    return f"the {channel} reads {offset:.3g} {unit} off, less than the {step:.3g} {unit} in which it is shown"
+
+
 def few_waves(key: str, periods: float) -> str:
     """Return that the records hold too few periods of a wave."""
     return f"the records hold {periods:.1f} periods of {key}"
