@@ -21,9 +21,9 @@ from signlin_ros.fitting.problem import Problem
 Array = NDArray[np.float64]
 Each = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
 
-FOLLOWED_FIRST, PARENTS, CHILDREN, EVOLVED_KEPT = 64, 10, 24, 4
-"""Of an effect with many minima: starts that get a few steps, points that others are bred of, how many of these in each
-generation, and how many points a fit starts from."""
+FOLLOWED_FIRST, FOLLOWED_BESIDE, PARENTS, CHILDREN, EVOLVED_KEPT = 64, 16, 10, 24, 4
+"""Of an effect with many minima: starts that get a few steps, fewer beside other effects, of which nothing is bred
+then; points that others are bred of, how many of these in each generation, and how many points a fit starts from."""
 GENERATIONS = (0.15, 0.15, 0.05)
 """How far a load may wander in a second for the observer of each generation, the first one of starts: one that trusts a
 wrong load loses it, and what it leaves then says nothing of which way the right one lies."""
@@ -62,10 +62,11 @@ def evolved_fit(problem: Problem, before: Fit, trial: Trial, each: Each, seed: i
     if seed:
         logs = low + np.mod(logs - low + draw.random(len(index)) * size, np.maximum(size, 1e-300))
     first = [_at(c, index, c.start(), values) for values in np.exp(logs).tolist()]
-    points = followed(GENERATIONS[0], 0, first)[:FOLLOWED_FIRST]
+    beside = bool(before.candidate.label)
+    points = followed(GENERATIONS[0], 0, first)[: FOLLOWED_BESIDE if beside else FOLLOWED_FIRST]
     points = followed(GENERATIONS[0], MIDDLE_STEPS, [f.theta for f in points])
     for wander, last in zip(GENERATIONS[1:], GENERATIONS, strict=False):
-        if len(points) < FEWEST_PARENTS:
+        if beside or len(points) < FEWEST_PARENTS:
             break
         children = _bred(c, index, points[:PARENTS], draw)
         if wander != last:
