@@ -36,16 +36,16 @@ def without_rounding(evidence: Evidence, verdict: Verdict) -> Verdict:
     """Return the verdict without an offset of a sensor that is within the step in which it shows, where nothing is open
     without it, or no more than half of a step near the noise: one that rounds down reads half a step too little.
     """
-    problem, label = evidence.dataset.training, SENSOR_OFFSET
-    values = verdict.final.fit.parameters()
-    steps = dict(zip(problem.channels, problem.quanta.tolist(), strict=True))
-    offsets = {c: values[f"{label}.{c}"] for c in steps if f"{label}.{c}" in values}
-    inside = {c: x for c, x in offsets.items() if abs(x) < steps[c]}
-    if label not in verdict.names or verdict.reason or verdict.selection.asked or len(inside) < max(len(offsets), 1):
+    if SENSOR_OFFSET not in verdict.names or verdict.reason or verdict.selection.asked:
         return verdict
-    rest, (channel, offset) = verdict.without[label], next(iter(inside.items()))
+    problem, values = evidence.dataset.training, verdict.final.fit.parameters()
+    steps = dict(zip(problem.channels, problem.quanta.tolist(), strict=True))
+    offsets = {c: values[f"{SENSOR_OFFSET}.{c}"] for c in steps if f"{SENSOR_OFFSET}.{c}" in values}
+    if not offsets or any(abs(x) >= steps[c] for c, x in offsets.items()):
+        return verdict
+    rest, (channel, offset) = verdict.without[SENSOR_OFFSET], next(iter(offsets.items()))
     unit = problem.shown(problem.units.get(channel, ""))
-    dropped = {**verdict.selection.dropped, label: phrases.rounded(channel, offset, steps[channel], unit)}
+    dropped = {**verdict.selection.dropped, SENSOR_OFFSET: phrases.rounded(channel, offset, steps[channel], unit)}
     other = verdict_of(evidence, replace(verdict.selection, chosen=rest, dropped=dropped))
     half = bool(np.all(rest.validation_rmse <= problem.quanta / 2.0)) and evidence.near_noise(rest)
     if other.reason == "structure" and half:

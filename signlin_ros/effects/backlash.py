@@ -5,13 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from signlin_ros.effects.compliant_load import (
-    MAX_RESONANCE,
-    MIN_DAMPING_RATIO,
-    MIN_RESONANCE,
-    OVERDAMPED,
-    CompliantLoad,
-)
+from signlin_ros.effects.compliant_load import MAX_RESONANCE, MIN_RESONANCE, CompliantLoad
 from signlin_ros.effects.interest import MIN_SIZE_SHARE, Bounds, at_least
 from signlin_ros.par import Par
 from signlin_ros.scale import Scale
@@ -71,11 +65,8 @@ class Backlash(CompliantLoad):
 
     @classmethod
     def plausible(cls, p: Mapping[str, float]) -> bool:
-        """Refuse a play of nothing: an elastic coupling is another effect; and contact that loses nothing, or that is
-        damped beyond the critical value, a lag.
-        """
-        critical = 2.0 * (p["k"] * p["J"]) ** 0.5 if p["k"] > 0.0 else 0.0
-        return bool(p["gap"] > 0.0 and MIN_DAMPING_RATIO * critical < p["c"] < OVERDAMPED * critical)
+        """Refuse a play of nothing: an elastic coupling is another effect; and contact that is no such coupling."""
+        return bool(p["gap"] > 0.0) and super().plausible(p)
 
     @classmethod
     def of_interest(cls, p: Mapping[str, float], scale: Scale) -> dict[str, Bounds]:
