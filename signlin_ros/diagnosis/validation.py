@@ -119,11 +119,7 @@ class ValidationTests:
             100.0 * self.criteria.max_rmse_left, self.criteria.min_force_over_noise * self.evidence.force_noise_percent
         )
         own = [n for n in self.remembers if find_effect(n, "effects").family]
-        return (
-            own[0]
-            if own and not self.final.residual_is_noise and max(self.percent or 0, self.imposed or 0) > least
-            else ""
-        )
+        return own[0] if own and max(self.percent or 0, self.imposed or 0) > least else ""
 
     def worse(self) -> str:
         """Return the channel whose printed error rises beyond its standard error beside the base, or the missing force;
@@ -259,6 +255,15 @@ class ValidationTests:
         """Whether a proposal leaves more than a quarter of the mean square of the missing force, half of its RMS."""
         part = self.evidence.share_left(self.force_mse(self.final))
         return bool(self.names) and part is not None and part > self.criteria.max_force_mse_left
+
+    @property
+    def leaves_more_of_motion(self) -> bool:
+        """Whether the force residual is a part of the effort that counts as missing, and the residual of a channel
+        follows from the model's own motion: then some other law of the motion is missing.
+        """
+        c, tested = self.criteria, self.final.residual_tests
+        large = (self.percent or 0.0) > 100.0 * c.min_missing_share
+        return large and any(one.structured and one.dependent > c.max_dependent_share for one in tested)
 
     @property
     def unpredicted(self) -> list[float]:

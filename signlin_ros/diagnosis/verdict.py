@@ -114,7 +114,8 @@ def _reason_by_force(tests: ValidationTests) -> str:
     """Return the reason where the force residual is above its noise floor: its size and structure count.
 
     Without a named effect a residual from `min_missing_share` on must be tested noise, or near the sensors' and white;
-    with one, no more than a quarter of the force may be left with structure in the motion.
+    with one, no more than a quarter of the force may be left with structure in the motion, nor that part of the effort
+    where the residual follows from the model's own motion.
     """
     final, near = tests.final, tests.evidence.near_noise(tests.final)
     largest = max([tests.percent or 0.0, *tests.unpredicted])
@@ -123,7 +124,8 @@ def _reason_by_force(tests: ValidationTests) -> str:
         return "elsewhere"
     noise = (final.residual_is_noise and (not large or tests.follows)) or (near and final.white)
     seen = (large or tests.flexible.visible) and not noise
-    structured = not final.white and (tests.leaves_much_force or near or tests.changing or tests.has_idle_law())
+    more = tests.leaves_much_force or tests.leaves_more_of_motion or tests.changing or tests.has_idle_law()
+    structured = not final.white and (near or more)
     untested = tests.leaves_much_force and tests.leaves_much_motion and not final.residual_is_noise
     return "structure" if seen or structured or untested else ""
 

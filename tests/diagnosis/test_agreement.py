@@ -58,6 +58,7 @@ class Fit:
     known: tuple[float, ...] = ()
     tested: bool = True
     residual: float = 0.0
+    dependent: float = 0.0
     implausible: tuple[str, ...] = ()
     parameters: int = 0
 
@@ -77,7 +78,10 @@ class Fit:
 
     @property
     def residual_tests(self) -> list[Any]:
-        return [SimpleNamespace(over_noise=self.residual) for _ in self.rms]
+        return [
+            SimpleNamespace(over_noise=self.residual, dependent=self.dependent, structured=not self.white)
+            for _ in self.rms
+        ]
 
     @property
     def training_squares(self) -> np.ndarray:
@@ -424,6 +428,18 @@ def test_what_leaves_most_of_the_effort_explains_a_part(force, why):
     assert j.reason == why
     if why:
         assert "explains a part" in j.sentence
+
+
+@pytest.mark.parametrize(
+    ("percent", "dependent", "why"), [(12.0, 0.15, "structure"), (12.0, 0.01, ""), (4.0, 0.15, "")]
+)
+def test_what_leaves_more_that_goes_with_the_motion_explains_a_part(percent, dependent, why):
+    """A coil whose force constant falls with its position was said to lack a cubic spring and a saturation, beside
+    13.6 % of the effort.
+    """
+    final = Fit(("linear_stiffness",), (1.0,), percent / 100.0 * EFFORT, dependent=dependent)
+    j = judged(final, Fit((), (3.0,), 0.9 * EFFORT), force=equation_error_stub(effects=final.effects))
+    assert j.reason == why
 
 
 @pytest.mark.parametrize(("rms", "why"), [(0.45, ""), (0.55, "structure")])

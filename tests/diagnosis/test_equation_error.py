@@ -465,3 +465,15 @@ def test_a_friction_that_has_changed_between_two_records_is_told_with_both_sizes
     assert found.effects == ("coulomb_friction",)
     assert found.changed() == {"coulomb_friction": pytest.approx((0.5, 0.37), rel=0.02)}
     assert from_equation_error(friction(0.5)).changed() == {}
+
+
+def test_a_visible_part_of_the_effort_is_structure_however_much_a_law_took_away():
+    """A viscosity that varies along the way, beside much Coulomb friction: 7 % of the effort are left, less than a
+    twentieth of what the base model leaves.
+    """
+    found = from_equation_error(lambda q, v: -8.0 * np.tanh(200.0 * v) - 0.67 * np.sin(9.0 * q) * v, turns=3.0)
+    coulomb = found.sets[frozenset({"coulomb_friction"})]
+    left, before = coulomb.validation_mse, found.base.validation_mse
+    assert left < found.regression.criteria.min_flexible_share * before
+    assert found.percent(coulomb) > 100.0 * found.regression.criteria.min_missing_share
+    assert found.structure_left(coulomb).visible

@@ -199,10 +199,10 @@ def _chosen(A: Array, y: Array, blocks: NDArray[np.intp]) -> tuple[float, float]
 
 def structured(r: Regression, waves: Waves, base: RegressionFit, fit: RegressionFit) -> Curve:
     """Return the force residual of a fit, of validation data, after a flexible regression; visible beside what the
-    ``base`` model leaves.
+    ``base`` model leaves, or as a part of the effort.
     """
     c = r.criteria
-    visible = c.min_flexible_share * base.validation_mse
+    visible = min(c.min_flexible_share * base.validation_mse, (c.min_missing_share * r.validation.effort) ** 2)
     if fit.validation_mse <= visible:
         return Curve(False, np.inf)
     left, along = _unseen_after(r, waves, fit)
