@@ -2,9 +2,21 @@
 
 from __future__ import annotations
 
-from benchmarks.machines import amplifiers, axes, coasting, complete, foreign, guests, motors, rigs, stages, visitors
+from benchmarks.machines import (
+    amplifiers,
+    axes,
+    coasting,
+    complete,
+    foreign,
+    guests,
+    lodgers,
+    motors,
+    rigs,
+    stages,
+    visitors,
+)
 from benchmarks.machines.rig import MACHINES
 
-FAMILIES = (motors, axes, coasting, stages, rigs, amplifiers, foreign, complete, visitors, guests)
+FAMILIES = (motors, axes, coasting, stages, rigs, amplifiers, foreign, complete, visitors, guests, lodgers)
 
 __all__ = ["FAMILIES", "MACHINES"]
