@@ -362,7 +362,7 @@ def _upright(t: float, y: Array, u: float, p: Any, rate: Array, dry: Array) -> N
         right=("gravity_load", "cogging_torque"),
         part=("linear_stiffness", "cubic_stiffness"),
         also=LATE,
-        values={"gravity_load.A": (-1.6, 0.1)},
+        values={"gravity_load.A": (1.6, 0.1)},
     ),
 )
 def upright_pendulum(folder: Path, rng: np.random.Generator) -> None:

@@ -27,8 +27,8 @@ _UNNAMED = re.compile(r"[cC][1-9]\d*")
 def made(record: Record, name: str, spec: str, wanted: str = "") -> tuple[Record, str]:
     """The record with the quantity that `spec` says `name` is, and its key there; `wanted`: the model's unit of it.
 
-    A text that is a column's name as a whole is that column; else a unit at its end is what the rest is in; else it is
-    a formula.
+    A text that is a column's name as a whole is that column; else a unit at its end is what the rest is in, unless it
+    is the end of a column's heading; else it is a formula.
 
     Raises
     ------
@@ -43,6 +43,8 @@ def made(record: Record, name: str, spec: str, wanted: str = "") -> tuple[Record
     if key is not None:
         said = f"{name}: the column {record.labels[key]!r} is in {unit}, as said"
         return _with(record, spec, record.signals[key].values, unit, record.series.get(key), Note(said, "mapped", name))
+    if unit and any(spec.endswith(label) for label in record.labels.values()):
+        body, unit = spec, ""  # ``0.12 * i [A]`` of the column ``i [A]`` is a torque
     if not is_formula(spec):
         record.require(spec, f"signal (mapped to {name})", by_number(record, name, spec))
     return _formula(record, name, spec, body, unit, wanted)

@@ -37,6 +37,8 @@ _LONGEST_DATED_STEP = 1e-5
 _COUNTERS, _MOST_STEPS_OVER = (8, 16, 24, 32), 3.0
 """Bits of counters that a time may be of; steps from row to row, in usual ones, over which one overflows."""
 _NAMES_TIME = re.compile(r"(?i)(?:time|timestamp|stamp|clock)\Z")
+_UNIT_ALONE = re.compile(r"(?:m|u|µ|μ|n)s(?:ecs?)?")
+"""Names of columns that are a unit of time and nothing else; a speed may be called ``ms``, but does not only rise."""
 _SLOWEST = 60.0
 """A recorder does not take longer from row to row, in s."""
 _LARGEST_SECONDS = 1e11
@@ -74,7 +76,7 @@ def times_of(table: RawTable, signals: Mapping[str, str]) -> Times:
         return _column(table, best, best.time[1])
     timed = next((head for head in table.headings if _counts(table, head)), None)
     if timed is not None:
-        return _column(table, timed, timed.unit)
+        return _column(table, timed, timed.unit or timed.name)
     if table.step is not None:
         return _even(table, table.step[1], f"the sampling time {table.step[0]}")
     if not table.named:
@@ -100,8 +102,12 @@ def times_of(table: RawTable, signals: Mapping[str, str]) -> Times:
 
 def _counts(table: RawTable, head: Heading) -> bool:
     """Whether a column is a time by its unit, and goes on from row to row: ``Source [Second]``, ``in s``; a unit that
-    may be none, at the end of a name, needs a name that ends as one of times: ``Teensy_time_s``.
+    may be none, at the end of a name, needs a name that ends as one of times: ``Teensy_time_s``. A name may be the unit
+    and nothing else: ``ms``.
     """
+    if _UNIT_ALONE.fullmatch(head.name) and not head.unit:
+        column = table.columns[table.headings.index(head)]
+        return bool(column.size > 1 and (np.diff(column) > 0).all())
     if not head.unit or (head.suffix and not _NAMES_TIME.search(head.name)):
         return False
     parsed = units.parse(head.unit)

@@ -31,6 +31,18 @@ def test_a_clock_with_a_prefix(name, tmp_path):
     np.testing.assert_allclose(record.t - record.t[0], T, atol=1e-6)
 
 
+@pytest.mark.parametrize(("name", "scale"), [("ms", 1e3), ("us", 1e6), ("usec", 1e6), ("nsec", 1e9)])
+def test_a_clock_that_is_called_by_its_unit(name, scale, tmp_path):
+    record = read_record(written(tmp_path / "a.csv", f"{name},goal,pos", scale * (1.5 + T), ANGLE, ANGLE))
+    np.testing.assert_allclose(record.t - record.t[0], T, atol=1e-6)
+    assert list(record.signals) == ["goal", "pos"]
+
+
+def test_a_speed_that_is_called_by_its_unit_is_no_clock(tmp_path):
+    with pytest.raises(RecordError, match="no time column"):
+        read_record(written(tmp_path / "a.csv", "ms,q", ANGLE, ANGLE))
+
+
 def test_seconds_that_are_no_clock_are_none(tmp_path):
     with pytest.raises(RecordError, match="no time column"):
         read_record(written(tmp_path / "a.csv", "pulse_s,q", 12.5 + T, ANGLE))

@@ -241,6 +241,17 @@ def test_units_are_converted() -> None:
     np.testing.assert_array_equal(data.measured["current"], [0.001, 0.002, 0.003, 0.004])
 
 
+def test_the_bracket_of_a_heading_is_no_unit_of_the_formula(csv: Callable[[str], Path]) -> None:
+    path = csv("t,i [A],q [rad]\n0,1,2\n0.1,2,3\n0.2,3,5\n0.3,1,2\n")
+    signals = {"force": "1.5 * i [A]", "displacement": "-1 * q [rad]"}
+    data = read_for_model(path, Model.from_dict({**OSCILLATOR, "axis": "rotary"}), signals)
+    np.testing.assert_allclose(data.u[:, 0], [1.5, 3.0, 4.5, 1.5])
+    np.testing.assert_allclose(data.measured["displacement"], [-2.0, -3.0, -5.0, -2.0])
+    assert data.units["force"] == "N·m"
+    with pytest.raises(RecordError, match="force is in 'A'"):
+        read_for_model(path, oscillator(), {"force": "1.5 * #2 [A]", "displacement": "q"})
+
+
 def test_units_that_do_not_fit() -> None:
     with pytest.raises(RecordError, match=r"speed is in 'm/s' \(column 'speed'\), the model in 'rad/s'"):
         record(voltage=1, speed=(1, "m/s")).for_model(motor())
