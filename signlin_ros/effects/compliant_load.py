@@ -10,8 +10,11 @@ from signlin_ros.effects.interest import Bounds, soft
 from signlin_ros.par import Par
 from signlin_ros.scale import Scale
 
-MIN_RESONANCE, MAX_RESONANCE, RESONANCES = 25.0, 0.6, 5
+MIN_RESONANCE, MAX_RESONANCE, RESONANCES = 25.0, 0.6, 8
 """Angular frequencies that a fit starts from: four periods in a record, a tenth of the sampling rate; how many."""
+INERTIA_RATIOS = (0.1, 0.3, 1.0)
+"""Inertias of the load beside that of the plant that a fit starts from: the heavier, the further its resonance is from
+the frequency at which the plant stands still."""
 MIN_DAMPING_RATIO, OVERDAMPED = 0.002, 1.0
 """Damping ratios of the load on its coupling: least of one that is real, largest of one that is called elastic."""
 
@@ -37,12 +40,12 @@ class CompliantLoad(Effect):
 
     @classmethod
     def starts(cls, scale: Scale) -> list[dict[str, float]]:
-        """Return loads of a third of the inertia, with resonances over the band of the record, all weakly damped."""
+        """Return light and heavy loads with resonances over the band of the record, all weakly damped."""
         import numpy as np
 
-        inertia = 0.3 * scale.of("F·s²/Q")
         resonances = np.geomspace(MIN_RESONANCE / scale.duration, MAX_RESONANCE / scale.step, RESONANCES).tolist()
-        return [{"k": inertia * w * w, "c": 0.1 * inertia * w, "J": inertia} for w in resonances]
+        loads = [(w, ratio * scale.of("F·s²/Q")) for w in resonances for ratio in INERTIA_RATIOS]
+        return [{"k": J * w * w, "c": 0.1 * J * w, "J": J} for w, J in loads]
 
     @classmethod
     def plausible(cls, p: Mapping[str, float]) -> bool:
