@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.arms.data import ArmRun, effort_step, runs_of
+from signlin_ros.arms.data import ArmRun, effort_step, late_motion, runs_of
 from signlin_ros.arms.fit import prior
 from signlin_ros.arms.piece import ArmSegment, chosen_band
 from signlin_ros.arms.study import MAX_STEP_SHARE, least_range
@@ -160,6 +160,7 @@ def _motion(model: ArmModel, record: ModelData) -> Iterator[Finding]:
     pieces = _pieces(model, record)
     rates = np.concatenate([np.stack([slope(c, p.step) for c in p.q.T], axis=1) for p in pieces])
     v = np.concatenate([p.v for p in pieces])
+    yield from (_found("late_motion", "velocity", "note", said) for said in late_motion(names, pieces[0].run))
     alike = _correlations(rates, v)
     factors = np.sum(rates * v, axis=0) / np.maximum(np.sum(v**2, axis=0), 1e-300)
     for i, name in enumerate(names):

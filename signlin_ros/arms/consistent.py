@@ -130,4 +130,4 @@ def _nearest(H: Array, target: Array, x: Array, barrier: Barrier) -> Array:
     return x
 
 
-__all__ = ["consistent", "existing"]
+__all__ = ["POSITIVE", "consistent", "existing"]

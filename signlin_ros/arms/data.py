@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.arms.rates import lags_of
 from signlin_ros.errors import RecordError
 from signlin_ros.model.arm import ArmModel
 from signlin_ros.plants.arm import GAIN_PARAMETER
@@ -31,7 +32,8 @@ class ArmRun:
     """A part of a record without gaps, evenly sampled: t (T,) s; q, tau (T, n); v (T, n) or None where not measured.
 
     Units are rad, rad/s and N·m (m, m/s and N of a prismatic joint), tau at the joints. ``steps`` (n,) of the efforts
-    where these come in few levels, 0 elsewhere.
+    where these come in few levels, 0 elsewhere; ``lags`` (n,) s by which velocities were recorded later than positions,
+    if any; ``late`` s by which efforts were, where that was asked; ``shown`` (T, n) velocities as they were recorded.
     """
 
     t: Array
@@ -40,6 +42,9 @@ class ArmRun:
     tau: Array
     source: str
     steps: Array
+    lags: Array | None = None
+    late: float | None = None
+    shown: Array | None = None
 
     @property
     def step(self) -> float:
@@ -52,8 +57,8 @@ class ArmRun:
     def part(self, first: float, last: float) -> ArmRun:
         """Return the samples between two shares of the run, 0 to 1."""
         cut = slice(round(first * len(self)), round(last * len(self)))
-        v = None if self.v is None else self.v[cut]
-        return replace(self, t=self.t[cut], q=self.q[cut], v=v, tau=self.tau[cut])
+        v, shown = (None if x is None else x[cut] for x in (self.v, self.shown))
+        return replace(self, t=self.t[cut], q=self.q[cut], v=v, tau=self.tau[cut], shown=shown)
 
 
 def read_data(model: ArmModel, paths: Sequence[str], signals: Mapping[str, str]) -> list[ModelData]:
@@ -104,6 +109,34 @@ def runs_of(model: ArmModel, record: ModelData) -> list[ArmRun]:
     ]
     if not found:
         raise RecordError(f"{record.source}: no part without gaps is {MIN_PART_SECONDS:g} s long")
+    return _at_one_time(found)
+
+
+def _at_one_time(runs: list[ArmRun]) -> list[ArmRun]:
+    """Return the parts of a record with positions and velocities at one time, by what the longest part tells."""
+    longest = max(runs, key=len)
+    if longest.v is None:
+        return runs
+    lags, found = lags_of(longest.q, longest.v, longest.step), []
+    for run in runs:
+        q, v = lags.in_one_time(run.q, run.v, run.step)  # type: ignore[arg-type]
+        found.append(replace(run, q=q, v=v, lags=lags.seconds, shown=run.v))
+    return found
+
+
+def late_motion(names: Sequence[str], run: ArmRun) -> list[str]:
+    """Return sentences on the joints whose velocity is recorded later than the position by a sample or more, or the
+    other way round.
+    """
+    lags, found = np.zeros(len(names)) if run.lags is None else run.lags, []
+    for what, other, sign in (("velocity", "position", 1.0), ("position", "velocity", -1.0)):
+        late = sorted((sign * lag, name) for name, lag in zip(names, lags, strict=True) if sign * lag > run.step)
+        if late:
+            ends = dict.fromkeys([late[0], late[-1]])
+            by = " to ".join(f"{lag:.3g} s ({name})" for lag, name in ends)
+            of = f"of {len(late)} of {len(names)} joints {what} is recorded later than {other}, by {by}"
+            too = f", efforts as {run.late:.3g} s late" if run.late else ""
+            found.append(f"{of}: a filter, or its way; both are taken at one time{too}")
     return found
 
 
@@ -192,6 +225,7 @@ __all__ = [
     "ArmRun",
     "gains_of",
     "in_time",
+    "late_motion",
     "read_data",
     "resized",
     "runs_of",

@@ -54,8 +54,12 @@ def _held(diagnosis: ArmDiagnosis, fault: SearchResult) -> bool:
     if fault.key.law != GAIN:
         return True
     at_motor = _at_motor(diagnosis)
-    shows = abs(1.0 + float(fault.values[0])) > MIN_COEFFICIENT_ERRORS * float(fault.errors[0])
-    return shows and not at_motor[fault.key.at]
+    return shows(float(fault.values[0]), float(fault.errors[0])) and not at_motor[fault.key.at]
+
+
+def shows(gain: float, error: float) -> bool:
+    """Tell whether an effort whose gain is off by a part, with its standard error, shows what acts beyond doubt."""
+    return abs(1.0 + gain) > MIN_COEFFICIENT_ERRORS * error
 
 
 def _at_motor(diagnosis: ArmDiagnosis) -> Sequence[bool]:
@@ -169,4 +173,4 @@ def _without(fault: Fault, names: Sequence[str]) -> Ahead:
     return ahead(state, state.without(fault.diagnosis.estimate, *names))
 
 
-__all__ = ["FAULTS", "Fault", "delays", "faults", "not_again", "put_right", "shown", "told_with", "unmade"]
+__all__ = ["FAULTS", "Fault", "delays", "faults", "not_again", "put_right", "shown", "shows", "told_with", "unmade"]

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.arms.data import gains_of
+from signlin_ros.arms.data import gains_of, late_motion
 from signlin_ros.arms.distance import BodyDistance
 from signlin_ros.arms.heldout import MIN_VALIDATION_ERRORS
 from signlin_ros.arms.keys import GAIN, ZERO, Key, SearchResult
@@ -20,6 +21,7 @@ from signlin_ros.robots import Robot
 from signlin_ros.robots.inertia import TEN, least_eigenvalue_along, moved
 
 if TYPE_CHECKING:
+    from signlin_ros.arms.relief import Relief
     from signlin_ros.arms.verbs import ArmDiagnosis
 
 Array = NDArray[np.float64]
@@ -46,7 +48,15 @@ def as_good(study: Study, found: SearchResult) -> str:
 
 def study_notes(study: Study) -> list[str]:
     """Return sentences on the records, on friction that differs between them, and on faults of the URDF."""
-    return [*study.notes, *warmth_notes(study), *drift_notes(study), *_loaded_notes(study), *_urdf_notes(study)]
+    in_time = [*lag_notes(study), *warmth_notes(study), *drift_notes(study)]
+    return [*study.notes, *in_time, *_loaded_notes(study), *_urdf_notes(study)]
+
+
+def lag_notes(study: Study) -> list[str]:
+    """Return a sentence for each record in which velocities are later than positions, or the other way round."""
+    records = {run.source: run for runs in study.runs for run in runs}
+    told = [(Path(source).name, said) for source, run in records.items() for said in late_motion(study.names, run)]
+    return [f"{name}: {said}" for name, said in told]
 
 
 def _loaded_notes(study: Study) -> list[str]:
@@ -160,19 +170,45 @@ def bent(diagnosis: ArmDiagnosis) -> list[str]:
     Each is told where it is so many standard errors beyond as unseen rows need: that it costs something speaks, too.
     """
     study = diagnosis.comparison.study
-    written, free = diagnosis.comparison.table.model, diagnosis.estimate.rms
-    paying = [i for i in range(study.robot.n) if i not in study.barred and written[i] > (1.0 + LITTLE) * free[i]]
-    cannot = [*_no_bodies(diagnosis), *_no_motors(diagnosis)] if paying and study.model.arm.consistent else []
+    written, free, own = diagnosis.comparison.table.model, diagnosis.estimate.rms, paying(diagnosis)
+    cannot = [*_no_bodies(diagnosis), *_no_motors(diagnosis)] if own else []
     asked = [said for _, said in sorted(cannot)]
     if not asked:
         return []
     units = [study.robot.joints[i].effort_unit for i in range(study.robot.n)]
-    costs = [
-        f"{written[i]:.3g} {units[i]} of {study.names[i]}'s effort are left, and not {free[i]:.3g}" for i in paying
-    ]
+    costs = [f"{written[i]:.3g} {units[i]} of {study.names[i]}'s effort are left, and not {free[i]:.3g}" for i in own]
     cost = f"with bodies and motors that exist {', '.join(costs)}"
-    said = "something acts like that which is not in the model (a spring, friction that sets in gradually)"
+    why = "a spring, friction that sets in gradually, a late effort"
+    said = f"something acts like that which is not in the model ({why})"
+    if diagnosis.relief is not None:
+        return [f"{'; '.join(asked)}; {cost}", _relieved(study, diagnosis.relief, own)]
     return [f"{'; '.join(asked)}; {cost}: {said}"]
+
+
+def paying(diagnosis: ArmDiagnosis) -> list[int]:
+    """Return the joints of whose effort bodies that exist leave more than a little more than the fit does."""
+    study, written, free = diagnosis.comparison.study, diagnosis.comparison.table.model, diagnosis.estimate.rms
+    silent = {law.key.at for law in diagnosis.found if law.key.law == GAIN}
+    told = (i for i in range(study.robot.n) if i not in silent | set(study.barred) and study.model.arm.consistent)
+    return [i for i in told if written[i] > (1.0 + LITTLE) * free[i]]
+
+
+def _relieved(study: Study, relief: Relief, own: Sequence[int]) -> str:
+    """Return the sentence on what efforts behind the gears show, and on what is left beside that."""
+    springs, gains, ways = list[str](), list[str](), list[str]()
+    for key, value, error in relief.laws:
+        name, joint = study.names[key.at], study.robot.joints[key.at]
+        if key.law == GAIN:
+            gains.append(f"{name}'s effort is {1.0 + value:.3g} ± {error:.1g} times what acts")
+            ways.append(f"{name}: {{effort: {{gain: {gains_of(study.model)[key.at] / (1.0 + value):.3g}}}}}")
+        else:
+            unit = f"{joint.effort_unit}/{joint.position_unit}"
+            springs.append(f"{value:.2g} ± {error:.1g} {unit} of {key.law.replace('_', ' ')} in {name}")
+            ways.append(f"signlin add {name}.{key.law}")
+    left = ", ".join(f"{relief.rms[i]:.3g} {study.robot.joints[i].effort_unit} of {study.names[i]}'s" for i in own)
+    said = f"what is measured behind the gears shows {'; '.join([*springs, *gains])}"
+    beside = f"beside that, bodies and motors that exist leave {left}"
+    return f"{said}: {beside}; not written, as it may be the sensor's or the arm's ({'; '.join(ways)} takes it)"
 
 
 def _no_bodies(diagnosis: ArmDiagnosis) -> list[tuple[float, str]]:
@@ -217,9 +253,15 @@ def unwritten(diagnosis: ArmDiagnosis) -> list[str]:
         i, value = law.key.at, float(law.values[0])
         name, joint = study.names[i], study.robot.joints[i]
         if law.key.law == GAIN and law.key not in diagnosis.state.known:
-            why = "its motor turns other joints, too" if at_motor[i] else "its effort hardly shows what acts"
-            said = f"{name}: {why}: the model that is written keeps effort.gain {gains[i]:.4g}"
-            found.append(f"{said}, and its row is without the gain that was found ({gains[i] / (1.0 + value):.4g})")
+            if at_motor[i]:
+                said = f"{name}: its motor turns other joints, too: the model that is written keeps effort.gain"
+                gain = (
+                    f"{gains[i]:.4g}, and its row is without the gain that was found ({gains[i] / (1.0 + value):.4g})"
+                )
+                found.append(f"{said} {gain}")
+                continue
+            said = f"{name}: its effort hardly shows what acts ({1.0 + value:.2g} ± {float(law.errors[0]):.1g} times)"
+            found.append(f"{said}: the bodies that are written are fitted to the other joints, and its row lacks that")
         elif law.key.law == ZERO:
             way = f"{'turned' if not joint.prismatic else 'moved'} by {value:.3g} {joint.position_unit}"
             found.append(f"{name}: the URDF that is written has its origin {way}, so that positions stay as recorded")

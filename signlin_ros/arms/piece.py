@@ -43,7 +43,8 @@ def chosen_band(runs: Sequence[ArmRun]) -> float:
     found = []
     for run in runs:
         rate = 1.0 / run.step
-        v = np.gradient(run.q, run.step, axis=0) if run.v is None else run.v
+        shown = run.v if run.shown is None else run.shown  # of a velocity before its filter noise is larger
+        v = np.gradient(run.q, run.step, axis=0) if shown is None else shown
         f, power = welch(v, rate, nperseg=min(len(run), int(8 * rate)), axis=0)
         share = np.cumsum(power, axis=0) / np.maximum(power.sum(axis=0), 1e-300)
         highest = max(float(f[np.argmax(column >= BAND_POWER_SHARE)]) for column in share.T)
@@ -92,8 +93,14 @@ class ArmSegment:
         first, last, apart = -(-edge // every), (len(run) - edge) // every, rate / every / (ROWS_PER_PERIOD * band)
         self.index = np.arange(first, max(last, first + 1), max(1, int(apart)))
         self.moving = self._moving(band)
-        self.tau = low_pass(run.tau, band, run.step)[self.index * every]
+        self._every, self._efforts = every, low_pass(run.tau, band, run.step)
+        self.tau = self._efforts[self.index * every]
         self.block = (self.index * self.step / max(BLOCK, 2.0 / band)).astype(int)
+
+    def efforts(self, delay: float) -> Array:
+        """Return the efforts (rows, n) that are recorded a delay (s) later."""
+        at, k = self.index * self._every + delay / self.run.step, np.arange(len(self.run))
+        return np.stack([np.interp(at, k, column) for column in self._efforts.T], axis=1)
 
     def coupled(self, motors: Array) -> ArmSegment:
         """Return the piece with other motors; which rows count stays as it is."""
@@ -154,6 +161,13 @@ class RegressionRows:
         """Return the same rows with other motors."""
         other = copy(self)
         other.pieces, other.known = [piece.coupled(motors) for piece in self.pieces], {}
+        return other
+
+    def with_efforts(self, delay: float) -> RegressionRows:
+        """Return the same rows with the efforts that are recorded a delay (s) later."""
+        other = copy(self)
+        late = [(piece, piece.efforts(delay)) for piece in self.pieces]
+        other.y = np.concatenate([tau[p.moving[:, i], i] for p, tau in late for i in range(self.n)])
         return other
 
     def whole(self, of: Callable[[ArmSegment], Array]) -> Array:

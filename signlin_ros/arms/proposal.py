@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
-from signlin_ros.arms.consistent import consistent, existing
+from signlin_ros.arms.consistent import POSITIVE, consistent, existing
 from signlin_ros.arms.fit import CoefficientEstimate
-from signlin_ros.arms.keys import Key
+from signlin_ros.arms.keys import GAIN, Key
 from signlin_ros.arms.laws import BY_EFFECT, WORKED_OUT, across_gravity
 from signlin_ros.arms.search import State
 from signlin_ros.arms.study import Study
@@ -63,8 +64,26 @@ def _bodies(study: Study, state: State, estimate: CoefficientEstimate) -> tuple[
     asked, found = study.model.arm.consistent, estimate
     for _ in range(PAYLOAD_ROUNDS if "payload.m" in estimate.design.names else 1):
         found = replace(estimate, theta=consistent(estimate, start, carried + state.point(found), asked))
+    for key in (key for key, _ in state.terms if key.law == GAIN):
+        found = _as_it_is(found, key.at)
     bodies = found.pi - carried - state.point(found)
     return found, existing(bodies) if asked else bodies
+
+
+def _as_it_is(estimate: CoefficientEstimate, i: int) -> CoefficientEstimate:
+    """Return an estimate in which what a joint has of its own fits its effort as it was recorded, bodies as they are.
+
+    That is of an effort which hardly shows what acts, whose gain no file holds.
+    """
+    names = np.array(estimate.design.names)
+    gains = np.char.endswith(names, GAIN)
+    own = np.char.startswith(names, f"{i}.") & ~gains
+    rows, theta = estimate.rows.joint == i, estimate.theta.copy()
+    X, beside = estimate.design.known[rows], ~own & ~gains
+    least = np.where([name.endswith(POSITIVE) for name in names[own]], 0.0, -np.inf)
+    left = estimate.rows.y[rows] - X[:, beside] @ theta[beside]
+    theta[own] = lsq_linear(X[:, own], left, (least, np.inf)).x
+    return replace(estimate, theta=theta)
 
 
 PAYLOAD_ROUNDS = 3

@@ -49,6 +49,7 @@ from signlin_ros.arms.loaded import with_payloads
 from signlin_ros.arms.piece import RegressionRows
 from signlin_ros.arms.shape import shaped
 from signlin_ros.arms.warmth import Friction, with_sizes
+from signlin_ros.effects import find_effect
 from signlin_ros.robots import Robot
 from signlin_ros.robots.inertia import TEN, about_centre, moved
 
@@ -218,20 +219,20 @@ class State:
         return [[loads.of(p)[:, : self.robot.n] @ p.motors[: self.robot.n] for p in r.pieces] for r in self.both]
 
     def candidates(self, estimate: CoefficientEstimate) -> Iterator[tuple[Key, JointLaw | None]]:
-        """Yield every law that may be missing."""
+        """Yield every law that may be missing; of an effort behind the gear, what acts outside it and the gain."""
         taken = {*(key for key, _ in self.terms), *self.known}
         for i in range(self.robot.n):
             if i in self.barred:
                 continue
-            for law in EXTRA:
+            behind = i in self.behind
+            for law in (law for law in EXTRA if not behind or find_effect(law.effect, "effects").external):
                 key = Key(law.effect, i)
                 kin = any(k.at == i and w is not None and w.base and w.base == law.base for k, w in self.terms)
                 if kin or any(key.same(other) for other in taken):
                     continue
                 yield from ((replace(key, shape=shape), law) for shape in shapes(law, self.rows, i))
-            yield from (
-                (Key(name, i), None) for name in (GAIN, "compliant_load", DELAY, ZERO) if Key(name, i) not in taken
-            )
+            of_record = (GAIN,) if behind else (GAIN, "compliant_load", DELAY, ZERO)
+            yield from ((Key(name, i), None) for name in of_record if Key(name, i) not in taken)
         of_all = {"payload": self.payload_at is not None, "tilt": self.tilts, DELAY: self.tilts}
         yield from ((Key(name, -1), None) for name, may in of_all.items() if may and Key(name, -1) not in taken)
 
@@ -341,7 +342,7 @@ def _promises(state: State, estimate: CoefficientEstimate) -> tuple[list[_Promis
             continue
         P = X.T @ C
         S = C.T @ C - P.T @ inner @ P
-        if key.law not in BODIES_IMITATE and (np.diag(S) < MIN_NEW_SHARE * np.sum(C**2, axis=0)).any():
+        if key.law not in BODIES_IMITATE and (np.diag(S) < MIN_NEW_SHARE * _varying(C, state.rows)).any():
             continue
         d = C.T @ r
         coefficients = np.linalg.lstsq(S, d, rcond=1e-8)[0]
@@ -353,6 +354,13 @@ def _promises(state: State, estimate: CoefficientEstimate) -> tuple[list[_Promis
         if (key.law, key.at) not in best or fall > best[key.law, key.at].fall:
             best[key.law, key.at] = _Promise(fall, key, law, known, unseen)
     return sorted(best.values(), key=lambda p: -p.fall)[:MAX_LAWS_FITTED], tried
+
+
+def _varying(C: Array, rows: RegressionRows) -> Array:
+    """Return the sums of squares (c,) of columns (N, c) about their mean in each joint, which its offset has."""
+    counts = np.maximum(rows.counts, 1)[:, None]
+    means = np.stack([np.bincount(rows.joint, column, rows.n) for column in C.T], axis=1) / counts
+    return np.asarray(np.sum(C**2, axis=0) - np.sum(counts * means**2, axis=0))
 
 
 def _stands(

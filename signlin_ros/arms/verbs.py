@@ -14,19 +14,22 @@ from signlin_ros.arms.data import ArmRun
 from signlin_ros.arms.detectable import detectable
 from signlin_ros.arms.distance import BodyDistance, body_distance
 from signlin_ros.arms.drift import Drift, drift
-from signlin_ros.arms.faults import FAULTS, Fault, faults, not_again, put_right, told_with, unmade
+from signlin_ros.arms.faults import FAULTS, Fault, faults, not_again, put_right, shows, told_with, unmade
 from signlin_ros.arms.fit import CoefficientEstimate, blocks, fit
 from signlin_ros.arms.forms import better_forms
 from signlin_ros.arms.heldout import MIN_VALIDATION_ERRORS
-from signlin_ros.arms.keys import SEEN_ELSEWHERE, Key, SearchResult, names_of
+from signlin_ros.arms.keys import GAIN, SEEN_ELSEWHERE, Key, SearchResult, names_of
 from signlin_ros.arms.laws import BY_EFFECT, JointLaw, shapes
 from signlin_ros.arms.loaded import Loaded, loaded
+from signlin_ros.arms.notes import paying
 from signlin_ros.arms.proposal import Proposal, proposal
+from signlin_ros.arms.relief import Relief, relief
 from signlin_ros.arms.rivals import rivals_left
 from signlin_ros.arms.search import MIN_COEFFICIENT_ERRORS, MIN_VALIDATION_SHARE, State, search, settled
 from signlin_ros.arms.shape import shaped
 from signlin_ros.arms.study import LINK_SIDE, Study, study
 from signlin_ros.arms.warmth import Warmth, sources_of, warmth
+from signlin_ros.arms.ways import asked, in_effort_time, lateness
 from signlin_ros.effects import find_effect
 from signlin_ros.errors import ModelError, choices, suggest
 from signlin_ros.model.arm import ArmModel
@@ -83,7 +86,8 @@ class ArmDiagnosis:
     """What is missing: laws, couplings, effects that the file leaves out, and the model that is proposed.
 
     ``detectable``: the smallest coefficients of laws that these records would show. ``ahead``: velocities foretold over
-    short windows by basic friction and by what is proposed; ``witnesses``: what those say of ``found`` and ``missing``.
+    short windows by basic friction and by what is proposed; ``witnesses``: what those say of ``found`` and ``missing``;
+    ``relief``: what efforts behind the gears show beside bodies that exist.
     """
 
     comparison: ArmComparison
@@ -98,6 +102,7 @@ class ArmDiagnosis:
     detectable: dict[Key, float] = field(default_factory=dict)
     ahead: tuple[Ahead, Ahead] | None = None
     witnesses: tuple[Witness | None, ...] = ()
+    relief: Relief | None = None
 
 
 def _quiet(_: str) -> None:
@@ -113,9 +118,20 @@ def compare(
     progress: Progress = _quiet,
 ) -> ArmComparison:
     """Return how good a model is on unseen rows, beside the rigid body and basic friction fitted to the others."""
-    found = study(model, known, unseen, band)
+    found = _in_effort_time(study(model, known, unseen, band))
     progress(f"band {found.band:g} Hz, {len(found.rows)} rows to fit, {len(found.new)} unseen")
     return _compared(found)
+
+
+def _in_effort_time(found: Study) -> Study:
+    """Return a study of efforts that are put in time with positions, as far as velocities were later than these."""
+    known, unseen = found.runs
+    most = asked(known)
+    if not most:
+        return found
+    state = found.state()
+    delay = lateness(state.design(state.loads(None)), found.rows, most)
+    return study(found.model, in_effort_time(known, delay), in_effort_time(unseen, delay), found.band)
 
 
 def _compared(found: Study) -> ArmComparison:
@@ -343,9 +359,7 @@ def _told(
     missing: Sequence[MissingLaw],
     couplings: Sequence[tuple[str, str]],
 ) -> ArmDiagnosis:
-    found = comparison.study
-    written = replace(state, terms=[(key, law) for key, law in state.terms if key.law not in SEEN_ELSEWHERE])
-    as_written = settled(written, estimate) if len(written.terms) < len(state.terms) else estimate
+    found, (written, as_written) = comparison.study, _to_write(state, estimate)
     new = proposal(found, written, as_written)
     own = found.new.by_joint(found.left(new.model, found.new))
     payload = {}
@@ -360,7 +374,24 @@ def _told(
     matched = estimate.matched_rms if state.own else None
     compared = replace(comparison, study=again, table=table, bodies=body_distance(estimate), matched=matched)
     laws = tuple(_as_settled(law, estimate) for law in state.found)
-    return ArmDiagnosis(compared, state, estimate, laws, tuple(missing), tuple(couplings), new, payload)
+    told = ArmDiagnosis(compared, state, estimate, laws, tuple(missing), tuple(couplings), new, payload)
+    return replace(told, relief=relief(again, state) if paying(told) else None)
+
+
+def _to_write(state: State, estimate: CoefficientEstimate) -> tuple[State, CoefficientEstimate]:
+    """Return what a model file can hold of a state, and the fit of that.
+
+    An effort that does not show what acts says nothing of bodies: its gain is fitted, and not written.
+    """
+    kept = [(key, law) for key, law in state.terms if key.law not in SEEN_ELSEWHERE or _mute(estimate, key)]
+    written = replace(state, terms=kept)
+    return written, settled(written, estimate) if len(kept) < len(state.terms) else estimate
+
+
+def _mute(estimate: CoefficientEstimate, key: Key) -> bool:
+    """Tell whether a law is the gain of an effort that does not show what acts."""
+    at = estimate.design.at(names_of(key)[0])
+    return key.law == GAIN and not shows(float(estimate.theta[at]), float(estimate.errors()[at]))
 
 
 def _as_settled(law: SearchResult, estimate: CoefficientEstimate) -> SearchResult:
