@@ -7,6 +7,7 @@ Anderson and Moore, Optimal Filtering, 1979, ch. 4; recursions by the Schur form
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -189,10 +190,13 @@ class LinearPrediction:
 
     def _squares(self, s: Array) -> Array:
         """Return mean squared innovations (k, ny) for scales of all sources (k, sources)."""
-        return np.asarray(np.maximum(np.einsum("jab,ka,kb->kj", self.grams, s, s, optimize=True), 0.0))
+        return np.asarray(np.maximum(np.einsum("jkb,kb->kj", s @ self.grams, s), 0.0))
 
-    def _with_free(self, s: Array, weights: Array) -> Array:
-        """Return scales (k, sources) with those of the free inputs by least squares; ``weights`` (k, ny)."""
+    @functools.cached_property
+    def _of_free(self) -> tuple[list[int], Array, NDArray[np.bool_], Array, Array, Array]:
+        """Return where the free sources stand, their least scales, which are silent, the sizes that divide them, and
+        `grams` of them with each other (ny, free, free) and with all (ny, k, free).
+        """
         at = [self.sources.index(name) for name in self.free]
         least = np.array([0.0 if c else -np.inf for c in self.free.values()])
         answers = np.einsum("jaa->a", self.grams)
@@ -200,8 +204,14 @@ class LinearPrediction:
             answers[at] <= ROUNDING_SHARE * answers.max()
         )  # an observer that forgets constants is left nothing of one
         size = np.where(silent, np.inf, np.sqrt(answers[at] + 1e-300))
-        A = np.einsum("kj,jab->kab", weights, self.grams[:, at][:, :, at] / size / size[:, None])
-        g = -np.einsum("kj,jab,kb->ka", weights, self.grams[:, at] / size[:, None], s)
+        of_all = np.ascontiguousarray(np.swapaxes(self.grams[:, at] / size[:, None], 1, 2))
+        return at, least, silent, size, self.grams[:, at][:, :, at] / size / size[:, None], of_all
+
+    def _with_free(self, s: Array, weights: Array) -> Array:
+        """Return scales (k, sources) with those of the free inputs by least squares; ``weights`` (k, ny)."""
+        at, least, silent, size, of_each, of_all = self._of_free
+        A = np.einsum("kj,jab->kab", weights, of_each)
+        g = -np.einsum("kj,jka->ka", weights, s @ of_all)
         turned = [
             np.sign(s[:, self.sources.index(c)]) if c in self.sources else np.ones(len(s)) for c in self.free.values()
         ]

@@ -32,7 +32,7 @@ def sliding(seed: int, drift: np.ndarray, beside: np.ndarray | None = None) -> M
     return ModelData(t, u[:, None], {"displacement": shown}, None, ("force",), ("displacement",), units)
 
 
-def lasting(seed: int, time: float, count: int = 3000) -> np.ndarray:
+def lasting(seed: int, time: float, count: int = 1500) -> np.ndarray:
     """Return a drift or a force of size 1 with a correlation time in s."""
     rng, rho = np.random.default_rng(seed), np.exp(-STEP / time)
     force = rng.normal(size=count)
@@ -57,7 +57,7 @@ def test_what_is_missing_is_found_beside_a_drift():
 
 @pytest.mark.long
 def test_a_load_that_comes_and_goes_is_told_as_one():
-    d = diagnose(STAGE, *(sliding(seed, np.zeros(3000), 0.25 * lasting(seed, 0.1)) for seed in (0, 1)))
+    d = diagnose(STAGE, *(sliding(seed, np.zeros(3000), 0.25 * lasting(seed, 0.1, 3000)) for seed in (0, 1)))
     assert d.verdict == "unexplained"
 
 

@@ -32,7 +32,7 @@ def test_curves_that_together_make_another_are_not_named(tmp_path):
 @pytest.mark.long
 def test_what_shows_on_larger_motion_only_is_not_noise_in_the_input(tmp_path):
     """The detent is left in the validation record alone: fifty times the noise is not adequate."""
-    records = recorded(tmp_path, SLIDE, DETENT, exc=("multisine", "steps"), level=0.02, seed=1)
+    records = recorded(tmp_path, SLIDE, DETENT, exc=("multisine", "steps"), level=0.02, seed=1, seconds=16.0)
     assert diagnose(*records).verdict == "unexplained"
 
 

@@ -19,7 +19,7 @@ from signlin_ros.records import ModelData
 from tests.diagnosis.test_timing import BASE, record
 
 DATA = Path(os.environ.get("SIGNLIN_DATA", "../shared/data"))
-FINE, RATE, SAMPLES = 20, 200.0, 2400
+FINE, RATE, SAMPLES = 20, 200.0, 1200
 DUFFING = {"m": 1.5, "c": 4.0, "k": 600.0, "k3": 4e4}
 
 

@@ -19,8 +19,8 @@ AXIS = Model.from_yaml(
 
 
 def logged(seed: int, drag: float = 0.0) -> ModelData:
-    """Return 12 s of an axis with Coulomb friction, and a drag of ``drag`` v|v|; the force is rounded."""
-    random, t = np.random.default_rng(seed), np.arange(3000) * 0.004
+    """Return 6 s of an axis with Coulomb friction, and a drag of ``drag`` v|v|; the force is rounded."""
+    random, t = np.random.default_rng(seed), np.arange(1500) * 0.004
     force = drawn_tones(random, t, count=9, band=(0.3, 6.0), fall=0.3, deviation=0.6)
     machine = AXIS.with_effect("coulomb_friction", mu=0.25)
     if drag:

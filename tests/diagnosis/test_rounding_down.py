@@ -8,7 +8,7 @@ from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.simulation import simulate
 
-STEP, SECONDS, QUANTUM = 0.01, 12.0, 2e-3
+STEP, QUANTUM = 0.01, 2e-3
 PENDULUM = {
     "plant": "mass_spring_damper",
     "axis": "rotary",
@@ -20,9 +20,9 @@ EFFECTS = {"gravity_load": {"A": 1.27}, "coulomb_friction": {"mu": 0.006}}
 UNITS = {"displacement": "rad", "force": "N·m"}
 
 
-def swung(start: float, offset: float) -> ModelData:
+def swung(start: float, offset: float, seconds: float = 12.0) -> ModelData:
     """Return a pendulum that swings out, seen by an encoder that rounds down and reads an ``offset`` besides."""
-    t = np.arange(0.0, SECONDS, STEP)
+    t = np.arange(0.0, seconds, STEP)
     u = np.zeros((t.size, 1))
     true = Model.from_dict({**PENDULUM, "effects": EFFECTS})
     q = simulate(true, t, u, x0=np.array([start, 0.0]), kind="exact").to_frame()["displacement"].to_numpy()
@@ -43,6 +43,6 @@ def test_half_a_step_of_an_encoder_is_no_effect(without, named):
 
 def test_an_offset_of_many_steps_is_one():
     given = Model.from_dict({**PENDULUM, "effects": EFFECTS})
-    found = diagnose(given, swung(1.1, 0.05), swung(1.4, 0.05))
+    found = diagnose(given, swung(1.1, 0.05, 6.0), swung(1.4, 0.05, 6.0))
     assert found.verdict == "missing"
     assert found.parameters["sensor_offset.displacement"].value == pytest.approx(0.05, abs=QUANTUM)

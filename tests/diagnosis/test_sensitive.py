@@ -14,7 +14,7 @@ from signlin_ros.fitting.fit import fit
 from signlin_ros.fitting.following import MAX_START_DEVIATIONS, _belief, _sought, follow_records
 from signlin_ros.fitting.problem import prepare
 from signlin_ros.follow.segments import _first_slope
-from tests.diagnosis.test_hidden_effects import records
+from tests.diagnosis.test_hidden_effects import halved, records
 from tests.diagnosis.test_traps import BENCH, SMALL, proposed, recorded
 
 PLAY = {"backlash": {"gap": 0.05, "k": 300.0, "c": 1.5, "J": 0.3}}
@@ -60,7 +60,7 @@ def test_a_stop_that_is_met_for_once_is_a_gain_beside_the_model_as_given(tmp_pat
     """The error fell to a ninth, to the noise, "by 1.3 standard errors beside the model as given": in a few blocks."""
     given, truth = drawn(tmp_path, "single", 109, 60)
     assert truth["laws"] == ["hard_stop"]
-    found = diagnose(*given)
+    found = diagnose(*halved(*given))
     assert (found.verdict, proposed(found)) == ("missing", {"hard_stop"})
 
 
@@ -73,7 +73,7 @@ def test_play_is_named_on_a_record_that_starts_in_motion(tmp_path):
 @pytest.mark.limit("a load on a coupling is named in place of a small play")
 def test_a_play_much_smaller_than_the_travel_is_named_through_a_fine_encoder(tmp_path):
     play = {"gap": 0.01, "k": 40.0, "c": 0.02, "J": 0.0015}
-    how = {"exc": ("multisine", "slow"), "off": 1.0, "only": ("current", "position")}
+    how = {"exc": ("multisine", "slow"), "off": 1.0, "only": ("current", "position"), "seconds": 16.0}
     found = diagnose(*recorded(tmp_path, SMALL, {"backlash": play}, level=np.array([0.02, 0.02, 1e-5]), **how))
     assert proposed(found) == {"backlash"}
     fitted = next(e.parameters for e in found.ranking if e.effect == "backlash")
@@ -113,7 +113,7 @@ def test_the_uncertainty_of_parameters_is_no_missing_effect(tmp_path):
 
 @pytest.mark.long
 def test_a_sensor_that_is_wrong_is_named_in_a_model_that_has_a_play(tmp_path):
-    model, *parts = recorded(tmp_path, BENCH, PLAY, off=1.0)
+    model, *parts = recorded(tmp_path, BENCH, PLAY, off=1.0, seconds=16.0)
     shown = [[d.measured | {"displacement": 1.1 * d.measured["displacement"]} for d in part] for part in parts]
     wrong = [[replace(d, measured=m) for d, m in zip(*pair, strict=True)] for pair in zip(parts, shown, strict=True)]
     found = diagnose(model.with_effect("backlash", **PLAY["backlash"]), *wrong)
@@ -124,16 +124,16 @@ EARLIER = pytest.mark.limit("a late input is named in place of a late sensor; 19
 
 
 @pytest.mark.parametrize(
-    ("drive", "channel", "lag", "level"),
+    ("drive", "channel", "lag", "level", "seconds"),
     [
-        (BENCH, "velocity", 0.15, 0.01),
-        pytest.param(SMALL, "position", 0.0088, np.array([0.01, 0.01, 1e-5]), marks=EARLIER),
+        (BENCH, "velocity", 0.15, 0.01, 8.0),
+        pytest.param(SMALL, "position", 0.0088, np.array([0.01, 0.01, 1e-5]), 16.0, marks=EARLIER),
     ],
     ids=["oscillator", "motor"],
 )
-def test_a_late_sensor_of_a_record_that_starts_in_motion_is_named(tmp_path, drive, channel, lag, level):
-    late = {"sensor_delay": {channel: lag}}
-    found = diagnose(*recorded(tmp_path, drive, late, exc=("steps", "multisine"), level=level, skip=300))
+def test_a_late_sensor_of_a_record_that_starts_in_motion_is_named(tmp_path, drive, channel, lag, level, seconds):
+    late, how = {"sensor_delay": {channel: lag}}, {"exc": ("steps", "multisine"), "seconds": seconds}
+    found = diagnose(*recorded(tmp_path, drive, late, level=level, skip=300, **how))
     assert proposed(found) == {"sensor_delay"}
     assert found.parameters[f"sensor_delay.{channel}"].value == pytest.approx(lag, rel=0.03)
     assert found.ladder[-1].validation.over_noise < 1.2

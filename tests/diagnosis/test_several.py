@@ -21,7 +21,7 @@ NOMINAL = Model.from_dict(
 WEIGHT, CABLE, FRICTION = -160.0, 200.0, 130.0
 
 
-def lift(seed: int, friction: Callable[[float], float] = lambda v: FRICTION, *, duration: float = 25.0) -> ModelData:
+def lift(seed: int, friction: Callable[[float], float] = lambda v: FRICTION, *, duration: float = 12.5) -> ModelData:
     """Return force and height of a lift that moves between heights under a controller, with dry friction by speed.
 
     Small steps with the friction clipped at standstill.
@@ -53,5 +53,5 @@ def test_three_plain_effects_are_not_taken_for_a_rich_one():
 
 
 def test_three_plain_effects_are_not_named_for_an_unlisted_one():
-    found = diagnose(NOMINAL, *(lift(seed, lambda v: FRICTION * (1.0 + v**0.5), duration=12.5) for seed in (7, 8)))
+    found = diagnose(NOMINAL, *(lift(seed, lambda v: FRICTION * (1.0 + v**0.5), duration=6.25) for seed in (7, 8)))
     assert found.verdict == "unexplained"

@@ -21,8 +21,8 @@ MOTOR = Model.from_dict(
 
 
 def run(seed: int) -> ModelData:
-    """Return 6 s of the motor."""
-    random, t = np.random.default_rng(seed), np.arange(3000) * STEP
+    """Return 3 s of the motor."""
+    random, t = np.random.default_rng(seed), np.arange(1500) * STEP
     voltage = drawn_tones(random, t, count=12, band=(0.2, 8.0), fall=0.5, deviation=6.0)
     return as_data(MOTOR, t, voltage, noisy_states(random, MOTOR, t, voltage, (0.02, 0.05)))
 
