@@ -33,6 +33,7 @@ from signlin_ros.diagnosis.output_error.trials import (
     Trial,
     completed,
     rescanned,
+    too_flat,
     trial_of_one_more_wave,
     trials,
     tryable,
@@ -304,7 +305,8 @@ class OutputErrorEstimator(Minima):
             effect, insignificant = EFFECTS[use.type], f.insignificant_key(self.criteria) == key
             nothing = {n: 0.0 for n in effect.telling if insignificant and not effect.pars()[n].positive}
             rest, simpler = parts.without(key), effect.simpler(use.parameters | nothing)
-            fewer = [rest.extended(n, start) for n, start in simpler.items()]
+            known = {n: start for n, start in simpler.items() if not too_flat(self.training, EFFECTS[n])}
+            fewer = [rest.extended(n, start) for n, start in known.items()]
             found += fewer or ([rest] if insignificant and len(f.effects) > 1 else [])
         return [one.candidate(self.training) for one in found]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -77,9 +78,8 @@ def _trials(problem: Problem, name: str, asked: bool) -> list[Trial]:
     effect, base = find_effect(name, "effect"), problem.base
     if any(use.type == name for use in base.effects.values()) and not effect.periodic:
         return []
-    flat = effect.angular and not effect.periodic and problem.position_range[1] - problem.position_range[0] < ARC
     forgotten = bool(effect.states and effect.family) and not problem.reverses  # what remembers the way
-    if not (asked or (effect.proposed and not flat and not forgotten)):
+    if not (asked or (effect.proposed and not too_flat(problem, effect) and not forgotten)):
         return []
     if issubclass(effect, SensorEffect):
         return _of_sensors(problem, name)
@@ -93,6 +93,16 @@ def _trials(problem: Problem, name: str, asked: bool) -> list[Trial]:
         if wider is not None and wider.inputs == base.inputs:  # else the record lacks what it depends on
             return [Trial(name, starts), *_seen_loads(problem, effect)]
     return []
+
+
+def too_flat(problem: Problem, effect: type[Effect]) -> bool:
+    """Tell whether an effect goes with the sine of the angle, and the axis turns too little to show more of it than a
+    load and a spring; an axis that is said to be linear shows one over a whole period only.
+    """
+    if not effect.angular or effect.periodic:
+        return False
+    way = problem.position_range[1] - problem.position_range[0]
+    return way < (math.tau if problem.base.is_rotary is False else ARC)
 
 
 def _lacking(problem: Problem, name: str) -> str:
@@ -248,6 +258,7 @@ __all__ = [
     "completed",
     "free_key",
     "rescanned",
+    "too_flat",
     "trial_of_one_more_wave",
     "trials",
     "tryable",
