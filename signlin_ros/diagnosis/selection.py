@@ -144,11 +144,22 @@ def _best_extension(
 
 
 def _confirmed_by_simulation(evidence: Evidence, force: EquationErrorResult) -> FittedModel | None:
-    """Return the laws of the equation error, fitted by simulation, with the better parameters; None where refused."""
-    c, motion, choice = evidence.criteria, evidence.output_error, FamilyChoice(evidence, force)
-    proposal = choice.simulated(force.fit)
-    if proposal is None:
-        return None
+    """Return the laws of the equation error, fitted by simulation, with the better parameters; None where refused. One
+    that the simulation makes something of that cannot be gives way to the best set without it.
+    """
+    while force.effects:
+        choice = FamilyChoice(evidence, force)
+        proposal = choice.simulated(force.fit)
+        found = _confirmed(choice, proposal) if proposal else None
+        if found is not None or proposal is None or not proposal.implausible:
+            return found
+        force = force.without({proposal.added[key].type for key in proposal.implausible})
+    return None
+
+
+def _confirmed(choice: FamilyChoice, proposal: FittedModel) -> FittedModel | None:
+    """Return a set of laws that was fitted by simulation, with the better parameters; None where it is refused."""
+    evidence, c, motion = choice.evidence, choice.evidence.criteria, choice.evidence.output_error
     proposal = choice.of_ties(proposal)
     other = evidence.with_better_values(proposal) if proposal.insignificant(c) else proposal
     stated = other is not proposal and motion.improvement(evidence.base, other).t_ratio >= c.min_t

@@ -232,9 +232,12 @@ def _chosen(
     chosen: dict[str, str] = {}
     idle = {name: why for name, why in model.plant.sometimes.items() if name in model.signals and name not in every}
     notes = [Note(f"{model.signals[name]!r} is not used: {why}", "left_out", name) for name, why in idle.items()]
+    claimed = {sole(columns, key) for key in (*own.values(), *given.values())}
     for name in names:
         key = given.get(name) or own.get(name)
-        key = key or record.find(name, further=False) or _of_joint(record, name) or _default(record, model, name, notes)
+        if key is None:
+            found = record.find(name, further=False) or _of_joint(record, name) or _default(record, model, name, notes)
+            key = found if found not in claimed else None  # a column that is said to be something else is that
         if key is not None:
             chosen[name] = key
         if name in why_not:

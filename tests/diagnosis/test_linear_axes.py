@@ -1,11 +1,16 @@
 """An axis that is said to be linear has no angle: what goes with its place is no weight of an arm."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from benchmarks.machines.families import MACHINES
+from signlin_ros.diagnosis import diagnose
 from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA
 from signlin_ros.diagnosis.output_error import FitCache, estimator_of
 from signlin_ros.fitting.prepare import held_out, prepared
+from signlin_ros.follow.data import load_sides
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.simulation import simulate
@@ -34,3 +39,12 @@ def test_a_weight_of_an_arm_is_sought_where_the_axis_may_turn(said, sought):
     wave = found.fitted(["cogging_torque"], given.with_effect("cogging_torque", **WAVE))
     assert wave.model.value("cogging_torque.N") == pytest.approx(1.0, abs=0.02)
     assert any("gravity_load" in one.effects for one in found.simplified(wave)) is sought
+
+
+@pytest.mark.long
+def test_a_loop_that_cannot_be_gives_way_to_the_next_laws(tmp_path: Path) -> None:
+    """By the force alone a loop takes away the most; fitted by simulation it gives energy, and no spring was named."""
+    model, training, validation = MACHINES["spring_return"].write(tmp_path)
+    found = diagnose(*load_sides(Model.load(model), [training], [validation]))
+    assert found.verdict == "missing"
+    assert set(found.ladder[-1].effects) == {"constant_load", "linear_stiffness"}

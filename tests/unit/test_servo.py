@@ -133,6 +133,16 @@ def test_a_log_of_bam_holds_its_conditions_and_signed_numbers(tmp_path):
     assert any(note == "kp is 100 in this record (its file says so)" for note in data.notes)
 
 
+def test_a_column_that_is_said_to_be_the_goal_is_no_state_of_that_name(tmp_path):
+    """A servo with a profile has a state ``goal``, which a column of ticks was taken for as well, and refused."""
+    path = tmp_path / "ticks.csv"
+    path.write_text("ms,goal,pos\n0,2048,2050\n10,2058,2052\n20,2068,2055\n30,2078,2058\n")
+    said = {"goal_position": "0.001 * (goal - 2048)", "position": "0.001 * (pos - 2048)"}
+    data = read_for_model(path, servo(with_inputs=[], profile_time=0.08), said)
+    np.testing.assert_allclose(data.u[:, 0], [0.0, 0.01, 0.02, 0.03], atol=1e-12)
+    assert set(data.measured) == {"position"}
+
+
 def test_where_no_supply_is_recorded_it_is_that_of_the_record(tmp_path):
     data = read_for_model(log(tmp_path / "a.json"), servo())
     np.testing.assert_array_equal(data.u[:, 2], 7.5)

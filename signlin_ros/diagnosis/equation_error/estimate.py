@@ -106,6 +106,15 @@ class EquationErrorResult:
         """The names of the chosen set, in the order in which they were found."""
         return tuple(n for n, _ in self.fit.members)
 
+    def without(self, names: Iterable[str]) -> EquationErrorResult:
+        """Return the result with the least of the best sound sets that have none of some laws as the chosen one."""
+        gone, most = set(names), (1.0 + self.regression.criteria.visible_change) ** 2
+        options = [self.base, *(self.sets[one] for one in self.sound if not one & gone)]
+        least = min(f.validation_mse for f in options)
+        near = [f for f in options if f.validation_mse <= most * least]
+        fit = min(near, key=lambda f: (f.n_parameters, f.validation_mse, sorted(f.names)))
+        return replace(self, fit=fit, replacements={}, ties={})
+
     def structure_left(self, fit: RegressionFit) -> Curve:
         """Return the residual of a fit after a flexible curve, in per cent of the effort."""
         return structured(self.regression, self.waves, self.base, fit)
