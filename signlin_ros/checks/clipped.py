@@ -74,7 +74,7 @@ class Clipped(Check):
                 continue
             lies = "and the true values lie beyond"
             if name == look.position:
-                if _stands(look, at):
+                if _stands(look, at) or _stands_elsewhere(values, at, look.quantum(name)):
                     continue
                 lies = "a stop, or the end of its sensor's range: then the true values lie beyond"
             yield Finding(
@@ -140,6 +140,20 @@ def _stands(look: Look, at: Mask) -> bool:
     return bool(np.nanmedian(np.abs(v[at] - np.nanmedian(v[at]))) < PACE * np.nanstd(v[~at]))
 
 
+def _stands_elsewhere(values: Array, at: Mask, quantum: float) -> bool:
+    """Tell whether values (T,) stand still as abruptly at other places, and more often, and only once at each limit
+    (T,): dry friction holds a machine wherever it comes to rest, while a stop is met again and again.
+    """
+    still = np.concatenate([[False], np.diff(values) == 0.0])
+    still[:-1] |= still[1:]
+    begins, ends = _ends_of_runs(_long(still & ~at))
+    visits = _ends_of_runs(at)[0].size
+    if visits > np.unique(values[at]).size or begins.size <= visits:
+        return False
+    steps = [_step(values, float(limit)) for limit in np.unique(values[at])]
+    return _is_abrupt(values, begins, ends, max(quantum, *steps))
+
+
 def _changing(values: Array) -> int:
     """Return in how many samples values (T,) differ from the one before."""
     return int(np.count_nonzero(np.diff(values))) + 1
@@ -200,23 +214,32 @@ def _runs(values: Array, at: Mask, quantum: float, step: float) -> Mask:
     if not long.any():
         return kept
     begins, ends = begins[long], ends[long]
-    inside = (begins > 2) & (ends < values.size - 3)
-    if not inside.any():
-        return kept
-    b, e = begins[inside], ends[inside]
-    paces = np.concatenate([np.abs(values[b - 1] - values[b - 3]), np.abs(values[e] - values[e + 2])]) / 2
-    last = np.concatenate([np.abs(values[b] - values[b - 1]), np.abs(values[e - 1] - values[e])])
-    usual = float(np.sqrt(np.mean((values[2:] - values[:-2]) ** 2)))
-    if np.median(paces) <= max(3.0 * quantum, PACE * usual) or np.median(last) < ABRUPT * 0.5 * np.median(paces):
-        return kept
-    if np.median(last) > 20.0 * max(np.median(paces), 1e-300):
-        return kept
-    if _hidden(values, b, e).max() <= step:
+    inside = _inside(values, begins, ends)
+    if not _is_abrupt(values, begins, ends, quantum) or _hidden(values, begins[inside], ends[inside]).max() <= step:
         return kept
     cut = ~_rests(values, begins, ends, step)
     if not cut[inside].any():
         return kept
     return _marked(values.size, begins[cut], ends[cut])
+
+
+def _inside(values: Array, begins: Index, ends: Index) -> Mask:
+    """Return which runs (k,) of values (T,) have some before them and after them."""
+    return (begins > 2) & (ends < values.size - 3)
+
+
+def _is_abrupt(values: Array, begins: Index, ends: Index, quantum: float) -> bool:
+    """Tell whether values (T,) enter and leave runs (k,) at the pace that they have elsewhere, half of them."""
+    inside = _inside(values, begins, ends)
+    if not inside.any():
+        return False
+    b, e = begins[inside], ends[inside]
+    paces = np.concatenate([np.abs(values[b - 1] - values[b - 3]), np.abs(values[e] - values[e + 2])]) / 2
+    last = np.concatenate([np.abs(values[b] - values[b - 1]), np.abs(values[e - 1] - values[e])])
+    usual, pace, change = float(np.sqrt(np.mean((values[2:] - values[:-2]) ** 2))), np.median(paces), np.median(last)
+    if pace <= max(3.0 * quantum, PACE * usual) or change < ABRUPT * 0.5 * pace:
+        return False
+    return bool(change <= 20.0 * max(pace, 1e-300))
 
 
 def _rests(values: Array, begins: Index, ends: Index, step: float) -> Mask:

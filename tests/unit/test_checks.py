@@ -341,6 +341,21 @@ def test_an_axis_whose_velocity_says_that_it_stands_is_not_clipped() -> None:
     assert clipped(replace(data, measured={**data.measured, "velocity": 0.4 * np.cos(0.25 * t)}))
 
 
+def test_a_machine_that_friction_holds_wherever_it_comes_to_rest_is_not_clipped() -> None:
+    """From place to place at full pace, abruptly held at each: the farthest places are no stops."""
+    t, places = 0.01 * np.arange(2400), np.random.default_rng(5).uniform(0.2, 0.9, 25)
+    way = np.interp(t, np.sort([*np.arange(25.0), *(np.arange(1, 25) - 0.3)]), np.repeat(places, 2)[:-1])
+    model = Model.from_dict({"plant": "mass_spring_damper", "parameters": {"m": 1.0, "c": 0.5, "k": 0.0}})
+
+    def clipped(way: Array) -> set[str]:
+        q = {"displacement": np.round(way, 4)}
+        data = ModelData(t, np.ones((t.size, 1)), q, None, model.inputs, model.states, dict(model.units))
+        return {f.channel for f in check(model, [data])[1] if f.check == "clipped"}
+
+    assert not clipped(way)
+    assert clipped(np.minimum(way, np.sort(places)[-4])) == {"displacement"}
+
+
 def test_a_drive_that_friction_holds_where_it_turns_back_is_not_clipped() -> None:
     base = motor()[0]
     stuck = base.with_effect("coulomb_friction", mu=0.2)
