@@ -23,6 +23,8 @@ EVEN_TOLERANCE = 0.1
 """Part of a step by which samples may be off an even time and count as even."""
 SAME_LEVEL_SHARE, PER_LEVEL = 1e-3, 20
 """Part of their range within which two efforts are one level; samples per level from which on levels are few."""
+MEASURED_AS = ("effort", "torque", "current", "force", "load", "tau")
+"""What is in the names of columns that may be efforts."""
 HELD_OUT = 2 / 3
 """Share of every record that is fitted to, where no other is given to validate with."""
 
@@ -79,10 +81,17 @@ def read_data(model: ArmModel, paths: Sequence[str], signals: Mapping[str, str])
 
 def _way_out(model: ArmModel, said: str) -> str:
     """Return hints on an arm's file, for an effort in another unit and for a joint that is not there."""
-    for name in model.robot.names:
+    for i, name in enumerate(model.robot.names):
         if f"{name}.effort is in " in said:
+            if model.arm_plant.at_motor[i]:
+                ratio = next(abs(c.ratio(name)) for _, c in model.arm.couplings if name in c.joints)
+                return f"; or in the model file {name}: {{effort: {{gain: {ratio:.6g}}}}}, the ratio of its motor"
             return f"; or in the model file {name}: {{effort: {{gain: ...}}}}, what one of its units is in N·m (N)"
+        if f"the input '{name}.effort' is missing before its first value" in said:
+            return "; efforts that were never measured tell nothing of what acts: leave the joint out of joints"
         if f"no column for input '{name}.effort'" in said:
+            if not any(word in said.partition("it has")[2].partition("; ")[0].lower() for word in MEASURED_AS):
+                return "; without efforts (torques, currents) nothing is told of an arm: positions do not say them"
             return f"; or leave {name} out of joints: it is locked then"
     return ""
 

@@ -1,7 +1,8 @@
 """Efforts that are recorded late or in another size, positions from another zero: put right, and what is told then.
 
-A delay, a gain and a zero are faults of the record, not of the arm. Once told, the model's file has them (a zero, its
-URDF), and all else is said of efforts as they acted, at the positions where they did.
+A delay, a gain, a zero and a tilt of the base are faults of the record, or of the file, not of the arm. Once told, the
+model's file has them (a zero, its URDF), and all else is said of efforts as they acted, at the positions where they
+did.
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ from numpy.typing import NDArray
 
 from signlin_ros.arms.ahead import Ahead, Witness, ahead, compared
 from signlin_ros.arms.data import ArmRun, resized, shifted, with_delays, with_gains
-from signlin_ros.arms.keys import DELAY, GAIN, ZERO, Key, SearchResult, names_of
+from signlin_ros.arms.gravity import settled_tilt
+from signlin_ros.arms.keys import DELAY, GAIN, TILT, ZERO, Key, SearchResult, names_of
 from signlin_ros.arms.search import MIN_COEFFICIENT_ERRORS, MIN_VALIDATION_SHARE
 from signlin_ros.arms.zeros import settled_zeros
 from signlin_ros.model.arm import ArmModel
@@ -27,6 +29,7 @@ Array = NDArray[np.float64]
 Runs = tuple[Sequence[ArmRun], Sequence[ArmRun]]
 FAULTS = {
     ZERO: "positions are counted from the encoders' zeros",
+    TILT: "gravity is turned",
     DELAY: "efforts are put in time",
     GAIN: "efforts are put in their sizes",
 }
@@ -91,6 +94,9 @@ def put_right(diagnosis: ArmDiagnosis, law: str) -> tuple[ArmModel, Runs, Sequen
     if law == ZERO:
         model, settled = settled_zeros(study, diagnosis.state, laws)
         return model, study.runs, settled
+    if law == TILT:
+        model, tilt = settled_tilt(study, diagnosis.state, laws[0])
+        return model, study.runs, [tilt]
     if law == DELAY:
         late = delays(diagnosis)
         runs = [shifted(r, late) for r in known], [shifted(r, late) for r in unseen]
@@ -105,7 +111,7 @@ def put_right(diagnosis: ArmDiagnosis, law: str) -> tuple[ArmModel, Runs, Sequen
 
 def not_again(diagnosis: ArmDiagnosis, law: str) -> frozenset[Key]:
     """Return the laws that efforts which were put right are not asked for again."""
-    if law == ZERO:
+    if law in (ZERO, TILT):
         return frozenset(fault.key for fault in faults(diagnosis, law))
     at_motor = _at_motor(diagnosis)
     every = range(-1 if law == DELAY else 0, len(at_motor))

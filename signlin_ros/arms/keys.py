@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-DELAY, GAIN, ZERO = "sensor_delay", "sensor_gain", "joint_zero"
-"""Names of the laws that an effort is recorded later than the motion, that it shows another size than what acts, and
-that a position is counted from elsewhere than in the URDF.
+DELAY, GAIN, ZERO, TILT = "sensor_delay", "sensor_gain", "joint_zero", "tilt"
+"""Names of the laws that an effort is recorded later than the motion, that it shows another size than what acts, that a
+position is counted from elsewhere than in the URDF, and that the base stands otherwise than the file says.
 """
 SEEN_ELSEWHERE = ("compliant_load", GAIN)
 """Laws of a joint that others may show: bodies that fit a wrong gain of one joint are wrong for its neighbours.
@@ -53,7 +53,7 @@ def names_of(key: Key) -> tuple[str, ...]:
     """Return the names of a law's columns."""
     if key.law == "payload":
         return ("payload.m", "payload.mx", "payload.my", "payload.mz")
-    return ("tilt.x", "tilt.y") if key.law == "tilt" else (f"{key.at}.{key.law}",)
+    return ("tilt.x", "tilt.y") if key.law == TILT else (f"{key.at}.{key.law}",)
 
 
-__all__ = ["BODIES_IMITATE", "DELAY", "GAIN", "SEEN_ELSEWHERE", "ZERO", "Key", "SearchResult", "names_of"]
+__all__ = ["BODIES_IMITATE", "DELAY", "GAIN", "SEEN_ELSEWHERE", "TILT", "ZERO", "Key", "SearchResult", "names_of"]

@@ -13,7 +13,7 @@ from scipy.optimize import lsq_linear
 from signlin_ros.arms.consistent import POSITIVE, consistent, existing
 from signlin_ros.arms.fit import CoefficientEstimate
 from signlin_ros.arms.keys import GAIN, Key
-from signlin_ros.arms.laws import BY_EFFECT, WORKED_OUT, across_gravity
+from signlin_ros.arms.laws import BY_EFFECT, WORKED_OUT
 from signlin_ros.arms.search import State
 from signlin_ros.arms.study import Study
 from signlin_ros.effects import find_effect
@@ -21,7 +21,6 @@ from signlin_ros.model.arm import ArmModel
 from signlin_ros.model.arm_file import Coupling, Payload
 from signlin_ros.plants.arm import MOTOR_INERTIA, parted
 from signlin_ros.recording.arm import MAX_UNNAMED_SPEED
-from signlin_ros.robots import Robot
 from signlin_ros.robots.write import with_inertias
 
 Array = NDArray[np.float64]
@@ -46,7 +45,6 @@ def proposal(study: Study, state: State, estimate: CoefficientEstimate) -> Propo
         **{k: v for k, v in model.to_dict().items() if k not in robot.names and k != "couplings"},
         **_couplings(study, motors),
         **_payload(study, values),
-        **_gravity(robot, values),
         **_ranges(study, state, values),
         "robot": urdf,
     }
@@ -125,15 +123,6 @@ def _payload(study: Study, values: dict[str, float]) -> dict[str, object]:
     moment = before.m * np.array(before.com) + [values[f"payload.{n}"] for n in ("mx", "my", "mz")]
     com = moment / m if m > 0.0 else np.zeros(3)
     return {"payload": {"on": before.on, "m": max(m, 0.0), "com": [float(v) for v in com]}}
-
-
-def _gravity(robot: Robot, values: dict[str, float]) -> dict[str, object]:
-    """Return where gravity comes from on a base whose tilt was found."""
-    if "tilt.x" not in values:
-        return {}
-    across, down = across_gravity(robot)
-    tilted = robot.gravity + down * (np.array([values["tilt.x"], values["tilt.y"]]) @ across)
-    return {"gravity": tilted.tolist()}
 
 
 def _ranges(study: Study, state: State, values: dict[str, float]) -> dict[str, object]:

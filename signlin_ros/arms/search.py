@@ -27,7 +27,7 @@ from signlin_ros.arms.heldout import (
     ratio_above_crawl,
     ratio_on_all,
 )
-from signlin_ros.arms.keys import BODIES_IMITATE, DELAY, GAIN, SEEN_ELSEWHERE, ZERO, Key, SearchResult, names_of
+from signlin_ros.arms.keys import BODIES_IMITATE, DELAY, GAIN, SEEN_ELSEWHERE, TILT, ZERO, Key, SearchResult, names_of
 from signlin_ros.arms.laws import (
     BASIC,
     EXTRA,
@@ -202,7 +202,7 @@ class State:
             return column(law, key.shape, self.rows, key.at, loads), column(law, key.shape, self.new, key.at, loads)
         if key.law == "payload" and self.payload_at is not None:
             return payload(self.rows, *self.payload_at), payload(self.new, *self.payload_at)
-        if key.law == "tilt":
+        if key.law == TILT:
             return tilt(self.rows, loads), tilt(self.new, loads)
         if key.law == "compliant_load":
             return compliance(self.rows, key.at, loads), compliance(self.new, key.at, loads)
@@ -233,7 +233,7 @@ class State:
                 yield from ((replace(key, shape=shape), law) for shape in shapes(law, self.rows, i))
             of_record = (GAIN,) if behind else (GAIN, "compliant_load", DELAY, ZERO)
             yield from ((Key(name, i), None) for name in of_record if Key(name, i) not in taken)
-        of_all = {"payload": self.payload_at is not None, "tilt": self.tilts, DELAY: self.tilts}
+        of_all = {"payload": self.payload_at is not None, TILT: self.tilts, DELAY: self.tilts}
         yield from ((Key(name, -1), None) for name, may in of_all.items() if may and Key(name, -1) not in taken)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from signlin_ros.arms.distance import BodyDistance
 from signlin_ros.arms.foretold import foretold_json, forward_json, forward_text, speed_unit
-from signlin_ros.arms.keys import DELAY, GAIN, SEEN_ELSEWHERE, ZERO, SearchResult
+from signlin_ros.arms.keys import DELAY, GAIN, SEEN_ELSEWHERE, TILT, ZERO, SearchResult
 from signlin_ros.arms.laws import BY_EFFECT
 from signlin_ros.arms.notes import (
     as_good,
@@ -249,7 +249,7 @@ def _zeros(diagnosis: ArmDiagnosis) -> dict[str, Any]:
 
 def _tilt(diagnosis: ArmDiagnosis) -> dict[str, Any]:
     for found in diagnosis.found:
-        if found.key.law == "tilt":
+        if found.key.law == TILT:
             pairs = zip(("x", "y"), found.values, found.errors, strict=True)
             return {name: _value(float(v), float(e), "rad") for name, v, e in pairs}
     return {}
@@ -370,7 +370,7 @@ def sentence(study: Study, found: SearchResult) -> str:
         "sensor_gain": f"the gain of its effort is off: it shows {1 + value:.3g} times what acts",
         "compliant_load": f"its gear or belt is elastic, about {1 / value:.2g} {stiffness}" if value else "",
         "payload": f"a payload of {value:.3g} ± {float(found.errors[0]):.2g} kg on {study.payload_link}",
-        "tilt": "the base is tilted: gravity comes from elsewhere",
+        TILT: "the base is tilted: gravity comes from elsewhere",
     }[key.law]
     where = "" if key.at == i else f"{study.names[i]}: "
     return f"{what}; {where}{_fall(found.before[i], found.after[i], study, i)}"

@@ -52,6 +52,11 @@ class Coupling:
         rows = np.array(self.position).reshape(len(self.joints), -1)
         return np.asarray(rows / np.diag(rows)[:, None])
 
+    def ratio(self, joint: str) -> float:
+        """Return how often a joint's own motor turns for one turn of the joint, or one m."""
+        at = self.joints.index(joint)
+        return self.position[at * (len(self.joints) + 1)]
+
 
 @dataclass(frozen=True)
 class Payload:
