@@ -37,8 +37,10 @@ _LONGEST_DATED_STEP = 1e-5
 _COUNTERS, _MOST_STEPS_OVER = (8, 16, 24, 32), 3.0
 """Bits of counters that a time may be of; steps from row to row, in usual ones, over which one overflows."""
 _NAMES_TIME = re.compile(r"(?i)(?:time|timestamp|stamp|clock)\Z")
-_UNIT_ALONE = re.compile(r"(?:m|u|µ|μ|n)s(?:ecs?)?")
-"""Names of columns that are a unit of time and nothing else; a speed may be called ``ms``, but does not only rise."""
+_UNIT_ALONE = re.compile(r"(?:m|u|µ|μ|n)s(?:ecs?)?|(?i:milli|micro|nano)(?:seconds?|secs?)")
+"""Names of columns that are a unit of time and nothing else."""
+_ALSO_A_SPEED = "ms"
+"""The one of them that stands for m/s as well; a speed does not only rise."""
 _SLOWEST = 60.0
 """A recorder does not take longer from row to row, in s."""
 _LARGEST_SECONDS = 1e11
@@ -105,15 +107,16 @@ def _counts(table: RawTable, head: Heading) -> bool:
     may be none, at the end of a name, needs a name that ends as one of times: ``Teensy_time_s``. A name may be the unit
     and nothing else: ``ms``.
     """
-    if _UNIT_ALONE.fullmatch(head.name) and not head.unit:
-        column = table.columns[table.headings.index(head)]
-        return bool(column.size > 1 and (np.diff(column) > 0).all())
-    if not head.unit or (head.suffix and not _NAMES_TIME.search(head.name)):
+    alone = bool(_UNIT_ALONE.fullmatch(head.name)) and not head.unit
+    if not (alone or head.unit) or (head.suffix and not _NAMES_TIME.search(head.name)):
         return False
-    parsed = units.parse(head.unit)
+    parsed = units.parse(head.name if alone else head.unit)
     column = table.columns[table.headings.index(head)]
     is_time = parsed is not None and parsed[1] == (0, 0, 1, 0, 0, 0)
-    return bool(is_time and np.isfinite(column).all() and column.size > 1 and (np.diff(column) > 0).mean() > 0.9)
+    if not is_time or column.size < 2 or not np.isfinite(column).all():
+        return False
+    rises = np.diff(column) > 0
+    return bool(rises.all() if alone and head.name == _ALSO_A_SPEED else rises.mean() > 0.9)
 
 
 def _as_said(table: RawTable, spec: str) -> Times:

@@ -31,11 +31,20 @@ def test_a_clock_with_a_prefix(name, tmp_path):
     np.testing.assert_allclose(record.t - record.t[0], T, atol=1e-6)
 
 
-@pytest.mark.parametrize(("name", "scale"), [("ms", 1e3), ("us", 1e6), ("usec", 1e6), ("nsec", 1e9)])
+UNITS = [("ms", 1e3), ("us", 1e6), ("usec", 1e6), ("nsec", 1e9), ("Milliseconds", 1e3), ("microsecond", 1e6)]
+
+
+@pytest.mark.parametrize(("name", "scale"), UNITS)
 def test_a_clock_that_is_called_by_its_unit(name, scale, tmp_path):
     record = read_record(written(tmp_path / "a.csv", f"{name},goal,pos", scale * (1.5 + T), ANGLE, ANGLE))
     np.testing.assert_allclose(record.t - record.t[0], T, atol=1e-6)
     assert list(record.signals) == ["goal", "pos"]
+
+
+def test_a_clock_that_is_called_by_its_unit_may_overflow(tmp_path):
+    us = np.mod(1e6 * T + 2.0**32 - 1e5, 2.0**32)
+    record = read_record(written(tmp_path / "a.csv", "us,goal,pos", us, ANGLE, ANGLE))
+    np.testing.assert_allclose(record.t - record.t[0], T, atol=1e-6)
 
 
 def test_a_speed_that_is_called_by_its_unit_is_no_clock(tmp_path):
