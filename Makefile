@@ -53,15 +53,17 @@ test test-all quick: export OPENBLAS_NUM_THREADS ?= 1
 # Hundreds of processes are started: each would compile every module anew where Python is told to keep no bytecode.
 test test-all quick bytecode: export PYTHONDONTWRITEBYTECODE :=
 quick: WORKERS = logical
+# Its cells are run, and what they come to is looked at, in tests/export/test_notebook.py.
+NOTEBOOKS = --nbmake --ignore=docs/learn/simulator.ipynb
 PYTEST = $(BIN)/python -m pytest -q -p no:anyio -n $(WORKERS) --maxprocesses=8 --dist=loadgroup --no-loadscope-reorder
 
 test: install    ## lint, types, import rules and the tests, but for those that take long
 	@$(MAKE) --no-print-directory -j2 $(CHECKS) bytecode
-	$(PYTEST) --nbmake -m 'not long and not limit' $(TESTS) $(PYTEST_ARGS)
+	$(PYTEST) $(NOTEBOOKS) -m 'not long and not limit' $(TESTS) $(PYTEST_ARGS)
 
 test-all: install  ## the same with the tests that take long
 	@$(MAKE) --no-print-directory -j2 $(CHECKS) bytecode
-	$(PYTEST) --nbmake -m 'not limit' $(TESTS) $(PYTEST_ARGS)
+	$(PYTEST) $(NOTEBOOKS) -m 'not limit' $(TESTS) $(PYTEST_ARGS)
 
 limits: install  ## the known failures (docs/limitations.md), strictly: one that has been mended shows here
 	$(PYTEST) -m limit $(PYTEST_ARGS)

@@ -23,7 +23,7 @@ YIELD = 10
 """How much nicer the tests without ROS are than those with it: these watch the clock of a live system, and what takes
 long in that gives way (`NICE` of nodes/diagnosing.py) to its own callbacks, not to other tests."""
 LONGEST = {line: place for place, line in enumerate((HERE / "longest.txt").read_text(encoding="utf-8").splitlines())}
-"""Diagnoses of more than 4 s of processor time (``SPENT`` of --junitxml), the longest first: begun last, one of them
+"""Diagnoses of more than 3 s of processor time (``SPENT`` of --junitxml), the longest first: begun last, one of them
 would keep a single processor busy at the end. Names that are not there any more do no harm.
 """
 GARBAGE = 20_000

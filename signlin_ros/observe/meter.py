@@ -62,6 +62,12 @@ class NoiseMeter:
             self._next = self._count + min(self._count, ESTIMATE_INTERVAL)
             self._estimate()
 
+    def take_all(self, t: Array, values: Array) -> None:
+        """Take samples (T,) one after the other; nothing is asked of them where the noise is given."""
+        if not self._known:
+            for when, value in zip(t.tolist(), values.tolist(), strict=True):
+                self.take(when, value)
+
     def _estimate(self) -> None:
         t, y = np.array(self._samples).T
         quantum = _step(y)

@@ -293,8 +293,7 @@ class KalmanObserver:
         for c, (name, sensor) in enumerate(zip(self.channels, self._sensors, strict=True)):
             value = np.asarray(measured[name], dtype=float) if name in measured else np.full(len(t), np.nan)
             there = ~np.isnan(value)
-            for when, shown in zip(t[there].tolist(), value[there].tolist(), strict=True):
-                self._meters[c].take(when, shown)
+            self._meters[c].take_all(t[there], value[there])
             parts.append((t[there] - sensor.delay, c, np.asarray(sensor.true(value[there])).reshape(-1, 1)))
         parts.append((t, QUERY, np.zeros((len(t), 1))))
         times = np.concatenate([when for when, _, _ in parts])
