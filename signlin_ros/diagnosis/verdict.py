@@ -125,7 +125,7 @@ def _reason_by_force(tests: ValidationTests) -> str:
     noise = (final.residual_is_noise and (not large or tests.follows)) or (near and final.white)
     seen = (large or tests.flexible.visible) and not noise
     more = tests.leaves_much_force or tests.leaves_more_of_motion or tests.changing or tests.has_idle_law()
-    structured = not final.white and (near or more)
+    structured = not final.white and ((near and not tests.of_steps) or more)
     untested = tests.leaves_much_force and tests.leaves_much_motion and not final.residual_is_noise
     return "structure" if seen or structured or untested else ""
 

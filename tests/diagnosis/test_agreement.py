@@ -461,9 +461,18 @@ def test_how_far_above_the_noise_is_told_as_far_as_it_tells(percent, times):
 
 
 def test_near_the_sensors_noise_what_is_left_must_be_noise():
-    near = Fit(("coulomb_friction",), (0.5,), 0.4, sensors=0.4)
+    near = Fit(("coulomb_friction",), (0.5,), 0.4, sensors=0.4, residual=1.0)
     assert judged(near, force=sees()).reason == "structure"
     assert judged(replace(near, white=True), force=sees()).label == "missing"
+
+
+@pytest.mark.parametrize(("steps", "why"), [(2.5, ""), (1.5, "structure")])
+def test_or_be_the_steps_of_the_sensor(steps, why):
+    """Coulomb friction took the error of an encoder's position from 0.67 rad to its step, and was called a part."""
+    final = Fit(("coulomb_friction",), (0.5,), 0.4, sensors=0.4, residual=1.0)
+    w = both(Motion(BASE), sees(), BASE, final)
+    w.dataset.training.quanta = np.full(1, steps * NOISE)
+    assert verdict_of(w, Selection(final)).reason == why
 
 
 def test_an_effect_that_validation_data_cannot_decide_on_is_dropped(monkeypatch):
