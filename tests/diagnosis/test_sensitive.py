@@ -126,7 +126,7 @@ EARLIER = pytest.mark.limit("a late input is named in place of a late sensor; 19
 @pytest.mark.parametrize(
     ("drive", "channel", "lag", "level", "seconds"),
     [
-        (BENCH, "velocity", 0.15, 0.01, 8.0),
+        (BENCH, "velocity", 0.15, 0.01, 5.0),
         pytest.param(SMALL, "position", 0.0088, np.array([0.01, 0.01, 1e-5]), 16.0, marks=EARLIER),
     ],
     ids=["oscillator", "motor"],

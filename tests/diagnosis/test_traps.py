@@ -86,6 +86,7 @@ def test_a_loop_that_yields_early_is_not_called_a_spring_with_friction(tmp_path)
         exc=("sweep", "multisine"),
         only=("speed", "position"),
         level=0.02,
+        seconds=5.0,
     )
     found = diagnose(*given)
     assert proposed(found) == {"bouc_wen_hysteresis"}
@@ -234,7 +235,7 @@ def weaker_one_way(part, gain):
 
 
 def test_an_amplifier_that_is_weaker_one_way_is_no_load(tmp_path):
-    model, *parts = recorded(tmp_path, STAGE, {}, only=("displacement",), level=0.01)
+    model, *parts = recorded(tmp_path, STAGE, {}, only=("displacement",), level=0.01, seconds=5.0)
     assert diagnose(model, *(weaker_one_way(part, 0.85) for part in parts)).verdict == "unexplained"
 
 
@@ -250,7 +251,7 @@ def test_weak_cogging_is_named(tmp_path):
 def test_an_effect_is_named_where_the_input_is_noisy_too(tmp_path):
     """Unexplained: the motion gathers the noise of the force."""
     hidden = {"coulomb_friction": {"mu": 20.0}}
-    model, data, unseen = recorded(tmp_path, AXIS, hidden, only=("displacement",), level=1e-5)
+    model, data, unseen = recorded(tmp_path, AXIS, hidden, only=("displacement",), level=1e-5, seconds=5.0)
     found = diagnose(model, noisy_input(data, 0.02, 1), noisy_input(unseen, 0.02, 2))
     assert found.verdict == "missing"
     assert proposed(found) == {"coulomb_friction"}
@@ -390,7 +391,7 @@ def test_what_shows_only_on_unseen_data_is_not_called_adequate(tmp_path):
 def test_viscous_and_coulomb_friction_are_found_together(tmp_path):
     mu, b = 15.0, 200.0
     hidden = {"coulomb_friction": {"mu": mu}, "viscous_friction": {"b": b}}
-    found = diagnose(*recorded(tmp_path, AXIS, hidden, only=("velocity",)))
+    found = diagnose(*recorded(tmp_path, AXIS, hidden, only=("velocity",), seconds=5.0))
     assert proposed(found) == set(hidden)
     assert found.parameters["coulomb_friction.mu"].value == pytest.approx(mu, rel=0.05)
     assert found.parameters["viscous_friction.b"].value == pytest.approx(b, rel=0.1)
