@@ -10,7 +10,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from signlin_ros.diagnosis import diagnose
+from signlin_ros.diagnosis import add, diagnose
 from signlin_ros.diagnosis.comparison import compare
 from signlin_ros.diagnosis.output_error import OutputErrorEstimator
 from signlin_ros.diagnosis.progress import CancelledError
@@ -101,3 +101,9 @@ def test_a_stretch_shorter_than_the_horizon_has_no_window() -> None:
     known = [whole.part(0, 800), whole.part(850, 960)]
     found = diagnose(model, known, record(2, "forward", 3.0))
     assert found.ladder[-1].effects == ("coulomb_friction",)
+
+
+def test_a_late_sensor_is_tried_where_a_stretch_has_no_window() -> None:
+    model, whole = Model.from_dict({**BASE, "update_period": 1.0}), record(1, "forward", 3.0)
+    found = add("sensor_delay", model, [whole.part(0, 800), whole.part(850, 960)], record(2, "forward", 3.0))
+    assert any(name.startswith("sensor_delay") for name in found.ladder[-1].effects)

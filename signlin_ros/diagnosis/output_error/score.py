@@ -193,7 +193,7 @@ def _shown(sensors: tuple[Array, ...], run: Tracker, known: Array, free: Array, 
     shown = outputs(free)
     for j in np.flatnonzero(lags > 0.0).tolist():
         then, begun = np.maximum(t - lags[j], t[0]), t[np.asarray(at)[np.searchsorted(at[1:], np.arange(t.size))]]
-        states = (run.between(known, starts, then) for starts in (np.arange(t.size), np.asarray(at[:-1])))
+        states = (run.between(known, starts, then) for starts in (np.arange(t.size), np.asarray(at[:-1] or at)))
         shown[:, j] = outputs(np.where((then < begun)[:, None], *states))[:, j]
     return np.asarray(gain * shown + offset)
 
