@@ -321,12 +321,13 @@ class ValidationTests:
 
     @property
     def leaves_much_motion(self) -> bool:
-        """Whether a proposal leaves the larger part of what the motion lacks, of validation data or of known ones."""
+        """Whether a proposal leaves more than a quarter of what every channel lacks, or takes away less than a quarter
+        of what all of them lack together, of validation data or of known ones.
+        """
         known = improvement(self.base.training_squares, self.final.training_squares, self.output_error.training.noise)
-        return (
-            min(self.output_error.improvement(self.base, self.final).mse_reduction, known.mse_reduction)
-            < 1.0 - self.criteria.max_force_mse_left
-        )
+        gains, part = (known, self.output_error.improvement(self.base, self.final)), self.criteria.max_force_mse_left
+        least, jointly = (min(g.mse_reduction for g in gains), min(g.joint_reduction for g in gains))
+        return least < 1.0 - part or jointly < part
 
     def steps(self) -> tuple[FittedModel, ...]:
         """Return the models from the base to the proposal, one effect after the other."""

@@ -593,6 +593,15 @@ def test_where_the_force_does_not_tell_the_motion_must(rms, known, why, monkeypa
     assert (found.label, found.reason) == ("unexplained" if why else "missing", why)
 
 
+@pytest.mark.parametrize(("other", "why"), [(0.9, ""), (8.0, "structure")])
+def test_and_a_part_of_what_all_channels_lack(other, why):
+    """An inertia that varies along the way was called backlash: it halved the position's error, 5 times the noise, and
+    left the current's and the speed's, 9 times theirs.
+    """
+    final = Fit(("compliant_load",), (0.6, other), 1.0)
+    assert judged(final, Fit((), (3.0, 8.0), 2.0)).reason == why
+
+
 @pytest.mark.parametrize(("force", "verdict"), [(0.0006, "missing"), (0.02, "unexplained")])
 def test_what_leaves_a_hundredth_of_the_force_is_missing_whatever_that_is(force, verdict):
     """A vertical axis: weight and friction left 0.6 of 71 % of the effort, and were told to explain a part."""

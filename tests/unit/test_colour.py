@@ -103,6 +103,14 @@ def test_the_share_that_is_explained_is_of_what_is_no_noise():
     assert improvement(before, after, np.full(1, 1e-6)).mse_reduction == pytest.approx(0.8)
 
 
+def test_the_share_of_all_channels_is_in_units_of_their_noise():
+    before, after = np.tile([10.0, 6.0], (40, 1)), np.tile([10.0, 1.0], (40, 1))
+    found = improvement(before, after, np.array([1.0, 1.0]))
+    assert found.mse_reduction == pytest.approx(1.0)
+    assert found.joint_reduction == pytest.approx(5.0 / 14.0)
+    assert improvement(before, after, np.array([0.1, 1.0])).joint_reduction == pytest.approx(5.0 / (999.0 + 5.0))
+
+
 def test_standard_errors_of_noise_are_those_of_a_difference_of_squares():
     """sum of (e + d)^2 - e^2 over n samples of noise e: n d^2 of expectation, 2 |d| sqrt(n) of deviation for unit e."""
     n, d = 400.0, 0.3

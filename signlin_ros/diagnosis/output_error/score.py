@@ -33,12 +33,13 @@ DIVERGED_VARIANCE = 1e6
 @dataclass(frozen=True)
 class Improvement:
     """What one model explains beyond another: ``t_ratio`` of all channels together, ``mse_reduction``: the largest
-    share by which a channel's MSE beyond the noise falls, and by channel (channels,) the t ratios and the ratios of
-    RMSE.
+    share by which a channel's MSE beyond the noise falls, ``joint_reduction``: that of all channels together, each in
+    units of its noise, and by channel (channels,) the t ratios and the ratios of RMSE.
     """
 
     t_ratio: float
     mse_reduction: float
+    joint_reduction: float
     t_ratios: Array
     rmse_ratios: Array
 
@@ -67,8 +68,10 @@ def improvement(before: Array, after: Array, noise: Array) -> Improvement:
     falls = np.clip(np.log((a + noise**2) / (b + noise**2)), -MAX_LOG_FALL, MAX_LOG_FALL)
     beyond = np.maximum(first - noise**2, 0.01 * first)
     share = float(np.max((first - second) / np.maximum(beyond, 1e-300)))
+    unit = np.maximum(noise**2, 1e-12 * first) + 1e-300
+    joint = float(np.sum((first - second) / unit) / max(float(np.sum(beyond / unit)), 1e-300))
     each = np.array([_certainty(falls[there[:, c], c]) for c in range(falls.shape[1])])
-    return Improvement(_certainty(falls.sum(axis=1)), share, each, np.sqrt(second / np.maximum(first, 1e-300)))
+    return Improvement(_certainty(falls.sum(axis=1)), share, joint, each, np.sqrt(second / np.maximum(first, 1e-300)))
 
 
 def _certainty(falls: Array) -> float:
