@@ -321,13 +321,15 @@ class ValidationTests:
 
     @property
     def leaves_much_motion(self) -> bool:
-        """Whether a proposal leaves more than a quarter of what every channel lacks, or takes away less than a quarter
-        of what all of them lack together, of validation data or of known ones.
+        """Whether a proposal leaves more than a quarter of what every channel lacks; or takes away less than a quarter
+        of what all of them lack together, where one errs by a part of its spread that counts as missing. Of validation
+        data, or of known ones.
         """
         known = improvement(self.base.training_squares, self.final.training_squares, self.output_error.training.noise)
-        gains, part = (known, self.output_error.improvement(self.base, self.final)), self.criteria.max_force_mse_left
-        least, jointly = (min(g.mse_reduction for g in gains), min(g.joint_reduction for g in gains))
-        return least < 1.0 - part or jointly < part
+        gains, c = (known, self.output_error.improvement(self.base, self.final)), self.criteria
+        large = max(self.unpredicted, default=0.0) > 100.0 * c.min_missing_share
+        little = large and min(g.joint_reduction for g in gains) < c.max_force_mse_left
+        return little or min(g.mse_reduction for g in gains) < 1.0 - c.max_force_mse_left
 
     def steps(self) -> tuple[FittedModel, ...]:
         """Return the models from the base to the proposal, one effect after the other."""

@@ -83,7 +83,7 @@ def test_shared_records(truth):
     ("group", "index"),
     [
         ("single", 1),
-        pytest.param("weak", 3, marks=pytest.mark.limit("weak quadratic drag is not named")),
+        ("weak", 3),
         ("none_coloured", 4),
     ],
 )

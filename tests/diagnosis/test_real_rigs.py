@@ -50,6 +50,7 @@ def cart(seed: int, load: float) -> ModelData:
 
 
 @pytest.mark.long  # inputs that are not held are found in test_input_hold
+@pytest.mark.limit("an input delay is named beside the load, where the torque changes between the samples of the log")
 def test_an_input_that_changes_between_its_samples_is_no_load_on_a_coupling():
     """A second inertia on a coupling damped five times beyond the critical value took what the held input left."""
     content = {"plant": "mass_spring_damper", "parameters": {"m": 0.99, "c": 12.5, "k": 0.0}}

@@ -81,7 +81,11 @@ def test_a_loop_that_hardens_is_told_alone(variant):
         pytest.param("catalogue", 23, 1, id="a wave whose order two laws show"),
         pytest.param("single", 13, 69, id="friction whose level rises for that of a real one"),
         pytest.param("single", 15, 69, id="friction that leaves a base which no force is right about"),
-        pytest.param("single", 0, 69, id="a play with minima around the one that breeding finds"),
+        pytest.param(
+            *("single", 0, 69),
+            id="a play with minima around the one that breeding finds",
+            marks=pytest.mark.limit("a play whose minimum none of two searches comes near is not named"),
+        ),
         pytest.param("single", 42, 80, id="a play that validation data alone show to be another one"),
         pytest.param("single", 84, 80, id="a play that nobody sees the load cross"),
     ],
