@@ -115,7 +115,7 @@ def _reason_by_force(tests: ValidationTests) -> str:
 
     Without a named effect a residual from `min_missing_share` on must be tested noise, or near the sensors' and white;
     with one, no more than a quarter of the force may be left with structure in the motion, nor that part of the effort
-    where the residual follows from the model's own motion.
+    where the residual follows from the model's own motion; near the noise it must be white, or the steps of a sensor.
     """
     final, near = tests.final, tests.evidence.near_noise(tests.final)
     largest = max([tests.percent or 0.0, *tests.unpredicted])

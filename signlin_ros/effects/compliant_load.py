@@ -13,8 +13,8 @@ from signlin_ros.scale import Scale
 MIN_RESONANCE, MAX_RESONANCE, RESONANCES = 25.0, 0.6, 8
 """Angular frequencies that a fit starts from: four periods in a record, a tenth of the sampling rate; how many."""
 INERTIA_RATIOS = (0.1, 0.3, 1.0)
-"""Inertias of the load beside that of the plant that a fit starts from: the heavier, the further its resonance is from
-the frequency at which the plant stands still."""
+"""Inertias of the load beside that of the plant that a fit starts from: the heavier, the further apart are the
+resonance and the antiresonance."""
 MIN_DAMPING_RATIO, OVERDAMPED = 0.002, 1.0
 """Damping ratios of the load on its coupling: least of one that is real, largest of one that is called elastic."""
 
