@@ -13,10 +13,11 @@ from benchmarks.machines import (
     motors,
     rigs,
     stages,
+    tenants,
     visitors,
 )
 from benchmarks.machines.rig import MACHINES
 
-FAMILIES = (motors, axes, coasting, stages, rigs, amplifiers, foreign, complete, visitors, guests, lodgers)
+FAMILIES = (motors, axes, coasting, stages, rigs, amplifiers, foreign, complete, visitors, guests, lodgers, tenants)
 
 __all__ = ["FAMILIES", "MACHINES"]
