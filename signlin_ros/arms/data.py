@@ -176,6 +176,12 @@ def resized(run: ArmRun, gains: Array) -> ArmRun:
     return replace(run, tau=run.tau / gains, steps=run.steps / np.abs(gains))
 
 
+def of_motors(run: ArmRun, change: Array) -> ArmRun:
+    """Return a run whose efforts are those of motors that turn several joints: each is a sum of them (n, n)."""
+    tau = run.tau @ change
+    return replace(run, tau=tau, steps=np.array([effort_step(column) for column in tau.T]))
+
+
 def with_gains(model: ArmModel, gains: Array) -> ArmModel:
     """Return a model whose file says that efforts show other sizes than it said, (n,) times what acts."""
     content, efforts = model.to_dict(), dict(model.arm.efforts)
@@ -235,6 +241,7 @@ __all__ = [
     "gains_of",
     "in_time",
     "late_motion",
+    "of_motors",
     "read_data",
     "resized",
     "runs_of",

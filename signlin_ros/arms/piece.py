@@ -170,6 +170,13 @@ class RegressionRows:
         other.y = np.concatenate([tau[p.moving[:, i], i] for p, tau in late for i in range(self.n)])
         return other
 
+    def of_motors(self, change: Array) -> RegressionRows:
+        """Return the same rows with efforts that are sums of those recorded, joint by joint (n, n)."""
+        other = copy(self)
+        sums = [(piece, piece.tau @ change) for piece in self.pieces]
+        other.y = np.concatenate([tau[p.moving[:, i], i] for p, tau in sums for i in range(self.n)])
+        return other
+
     def whole(self, of: Callable[[ArmSegment], Array]) -> Array:
         """Return rows (N, k) of what a function says of all joints (T, n, k)."""
         found = []

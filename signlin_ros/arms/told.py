@@ -70,7 +70,8 @@ def diagnosed_json(diagnosis: ArmDiagnosis, text: str, source: str, data: list[s
         for f in diagnosis.found
         if f.key.law == GAIN
     }
-    couplings = [*_known_couplings(study), *map(list, diagnosis.couplings)]
+    couplings = _known_couplings(study)
+    couplings += [list(pair) for pair in diagnosis.couplings if not any(set(pair) <= set(known) for known in couplings)]
     content["robot"] = {"payload": payload, "gains": gains, "couplings": couplings}
     content["robot"] |= {**_delays(diagnosis), **_zeros(diagnosis)}
     content["robot"] |= {"tilt": _tilt(diagnosis)} if _tilt(diagnosis) else {}
@@ -417,7 +418,7 @@ def _whys(diagnosis: ArmDiagnosis) -> list[tuple[int, str]]:
 
 
 def _robot(diagnosis: ArmDiagnosis, told: Sequence[tuple[int, str]]) -> str:
-    said = [f"{a} and {b} are coupled: one motor turns with both" for a, b in diagnosis.couplings]
+    said = [f"{a} and {b} are coupled: one motor turns with both{_whose(diagnosis, a)}" for a, b in diagnosis.couplings]
     said += [why for at, why in told if at < 0]
     if diagnosis.only_payload and diagnosis.payload:
         said.append(payload_alone(diagnosis))
@@ -426,6 +427,12 @@ def _robot(diagnosis: ArmDiagnosis, told: Sequence[tuple[int, str]]) -> str:
     said = said or [f"no payload, {wrong}delay, tilt or coupling is seen"]
     far = ["its bodies are not those of the URDF (see the notes)"] if diagnosis.comparison.bodies.beyond else []
     return "; ".join([*said, *far])
+
+
+def _whose(diagnosis: ArmDiagnosis, joint: str) -> str:
+    """Return of what the efforts of a coupling are that was found."""
+    study = diagnosis.comparison.study
+    return ", and their efforts are the motors'" * study.model.arm_plant.at_motor[study.names.index(joint)]
 
 
 CANNOT = (

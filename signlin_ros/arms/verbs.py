@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.arms.ahead import WINDOW, Ahead, Witness, ahead, witnesses
-from signlin_ros.arms.coupling import find_coupling
+from signlin_ros.arms.coupling import at_joints, coupled_model, find_coupling, find_coupling_of_efforts
 from signlin_ros.arms.data import ArmRun
 from signlin_ros.arms.detectable import detectable
 from signlin_ros.arms.distance import BodyDistance, body_distance
@@ -214,6 +214,7 @@ def diagnose(
         from signlin_ros.arms.carrying import carried
 
         return carried(comparison)
+    comparison, coupled = _at_joints(comparison, progress)
     told, before, known_faults = _searched(comparison, progress), list[Fault](), frozenset[Key]()
     while law := next((law for law in FAULTS if faults(told, law)), None):
         progress(FAULTS[law])
@@ -228,7 +229,26 @@ def diagnose(
         told, comparison, known_faults = put, own, again
     progress(f"windows of {WINDOW:g} s")
     told = replace(_witnessed(told), detectable=detectable(told.state, told.estimate))
-    return told_with(told, before)
+    told = told_with(told, before)
+    return replace(told, couplings=(*coupled, *told.couplings))
+
+
+def _at_joints(comparison: ArmComparison, progress: Progress) -> tuple[ArmComparison, list[tuple[str, str]]]:
+    """Return a comparison of efforts at the joints where the record's are those of motors that turn several of them,
+    and the pairs of joints that such motors turn; the model's file has their couplings.
+    """
+    pairs: list[tuple[str, str]] = []
+    while not (study := comparison.study).link_side:
+        progress("motors of neighbouring joints")
+        plant = study.model.arm_plant
+        found = find_coupling_of_efforts(study.state(), comparison.basic, plant.at_motor)
+        if found is None:
+            break
+        model = coupled_model(study.model, found.motors)
+        known, unseen = (at_joints(runs, plant.motors, found.motors) for runs in study.runs)
+        comparison = compare(model, known, unseen, study.band, progress)
+        pairs.append((study.names[found.pair[0]], study.names[found.pair[1]]))
+    return comparison, pairs
 
 
 def _searched(comparison: ArmComparison, progress: Progress, known: frozenset[Key] = frozenset()) -> ArmDiagnosis:
@@ -240,9 +260,8 @@ def _searched(comparison: ArmComparison, progress: Progress, known: frozenset[Ke
         coupling = find_coupling(state, estimate)
         if coupling is None:
             break
-        j, i, motors = coupling
-        couplings.append((found.names[min(i, j)], found.names[max(i, j)]))
-        found = found.with_motors(motors)
+        couplings.append((found.names[coupling.pair[0]], found.names[coupling.pair[1]]))
+        found = found.with_motors(coupling.motors)
         state = found.state()
         estimate = settled(state)
     state.known = known

@@ -239,6 +239,29 @@ def test_a_coupling_that_the_file_does_not_have_is_named_on_both_joints():
     assert found.proposal.model.arm_plant.motors[2].tolist() == [0.0, 1.0, 1.0]
 
 
+@pytest.mark.parametrize("chain", [False, True])
+def test_efforts_of_motors_that_turn_several_joints_are_told_as_such(chain, tmp_path):
+    """A palletiser: rods hold the elbow's motor to the base; its shoulder's motor turns with the waist, too, or not."""
+    P = np.array([[1.0, 0.0, 0.0], [float(chain), 1.0, 0.0], [0.0, 1.0, 1.0]])
+    couplings = {"rods": {"joints": list(MODEL.robot.names), "position": P.ravel().tolist()}}
+    truth = Model.from_dict({**TRUE.to_dict(), "couplings": couplings})
+    at_motors = [replace(one, tau=one.tau @ np.linalg.inv(P)) for one in (run(truth, 8), run(truth, 9))]
+    found = diagnose(MODEL, at_motors[:1], at_motors[1:], BAND)
+    pairs = {("shoulder", "elbow"), ("waist", "shoulder")} if chain else {("shoulder", "elbow")}
+    assert set(found.couplings) == pairs
+    assert named(found) == {}
+    proposed = found.proposal.model
+    assert proposed.arm_plant.motors.tolist() == P.tolist()
+    assert proposed.arm_plant.at_motor == (chain, True, True)
+    content = diagnosed_json(found, "", "", [])
+    assert len(content["robot"]["couplings"]) == 1
+    assert "and their efforts are the motors'" in sentences(found)[-1]
+    written_ = Model.from_dict(proposed.to_dict())
+    again = diagnose(written_, [replace(one, tau=one.tau @ P) for one in at_motors[:1]], [run(truth, 9)], BAND)
+    assert again.found == again.couplings == ()
+    assert (again.comparison.table.model < 1.1 * found.comparison.table.model).all()
+
+
 def test_the_load_of_friction_is_the_models_and_never_the_measured_effort(nothing_hidden):
     known, _ = nothing_hidden
     law = next(law for law in EXTRA if law.loaded)
