@@ -46,10 +46,30 @@ def chosen_band(runs: Sequence[ArmRun]) -> float:
         shown = run.v if run.shown is None else run.shown  # of a velocity before its filter noise is larger
         v = np.gradient(run.q, run.step, axis=0) if shown is None else shown
         f, power = welch(v, rate, nperseg=min(len(run), int(8 * rate)), axis=0)
+        power = np.where(f[:, None] < _noisy_from(f, power, rate), power, 0.0)
         share = np.cumsum(power, axis=0) / np.maximum(power.sum(axis=0), 1e-300)
         highest = max(float(f[np.argmax(column >= BAND_POWER_SHARE)]) for column in share.T)
         found.append(float(np.clip(BAND_RATIO * highest, min(LOWEST, rate / OF_RATE), rate / OF_RATE)))
     return float(f"{min(found):.2g}")
+
+
+def _noisy_from(f: Array, power: Array, rate: float) -> Array:
+    """Return the frequencies (n,) from which on spectra (F, n) of velocities are noise.
+
+    Noise of a velocity does not fall with frequency, and that of a position that is differentiated grows: going down
+    octave by octave from where there is most beyond any band, it is what falls, and motion begins where that ends.
+    """
+    octave = np.floor(np.log2(np.maximum(0.5 * rate / np.maximum(f, 1e-12), 1.0))).astype(int)
+    octave = np.minimum(octave, int(np.log2(0.5 * rate / f[1])))
+    sums = np.stack([np.bincount(octave, column) for column in power.T], axis=1)
+    beyond = int(np.log2(0.5 * OF_RATE))  # octaves of which no band is wider
+    found = []
+    for column in sums.T:
+        at = int(np.argmax(column[:beyond]))
+        while at + 1 < column.size and column[at + 1] < column[at]:
+            at += 1
+        found.append(0.5 * rate / 2.0**at)
+    return np.array(found)
 
 
 class SoftSigns(NumpyMath):
