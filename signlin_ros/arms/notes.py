@@ -170,7 +170,7 @@ def bent(diagnosis: ArmDiagnosis) -> list[str]:
     Each is told where it is so many standard errors beyond as unseen rows need: that it costs something speaks, too.
     """
     study = diagnosis.comparison.study
-    written, free, own = diagnosis.comparison.table.model, diagnosis.estimate.rms, paying(diagnosis)
+    written, free, own = _written_rms(diagnosis), diagnosis.estimate.rms, paying(diagnosis)
     cannot = [*_no_bodies(diagnosis), *_no_motors(diagnosis)] if own else []
     asked = [said for _, said in sorted(cannot)]
     if not asked:
@@ -181,34 +181,39 @@ def bent(diagnosis: ArmDiagnosis) -> list[str]:
     why = "a spring, friction that sets in gradually, a late effort"
     said = f"something acts like that which is not in the model ({why})"
     if diagnosis.relief is not None:
-        return [f"{'; '.join(asked)}; {cost}", _relieved(study, diagnosis.relief, own)]
+        alone = f"of the rigid body alone, {'; '.join(asked)}; {cost}"
+        return [alone, _relieved(study, diagnosis.relief, own)]
     return [f"{'; '.join(asked)}; {cost}: {said}"]
 
 
 def paying(diagnosis: ArmDiagnosis) -> list[int]:
     """Return the joints of whose effort bodies that exist leave more than a little more than the fit does."""
-    study, written, free = diagnosis.comparison.study, diagnosis.comparison.table.model, diagnosis.estimate.rms
+    study, written, free = diagnosis.comparison.study, _written_rms(diagnosis), diagnosis.estimate.rms
     silent = {law.key.at for law in diagnosis.found if law.key.law == GAIN}
     told = (i for i in range(study.robot.n) if i not in silent | set(study.barred) and study.model.arm.consistent)
     return [i for i in told if written[i] > (1.0 + LITTLE) * free[i]]
 
 
+def _written_rms(diagnosis: ArmDiagnosis) -> Array:
+    """Return what the model leaves of unseen efforts (n,) that has no more than the laws that are named."""
+    return diagnosis.comparison.table.model if diagnosis.relief is None else diagnosis.relief.without
+
+
 def _relieved(study: Study, relief: Relief, own: Sequence[int]) -> str:
-    """Return the sentence on what efforts behind the gears show, and on what is left beside that."""
-    springs, gains, ways = list[str](), list[str](), list[str]()
+    """Return the sentence on what efforts behind the gears show, which is written, and on what is left beside that."""
+    springs, gains = list[str](), list[str]()
     for key, value, error in relief.laws:
         name, joint = study.names[key.at], study.robot.joints[key.at]
         if key.law == GAIN:
-            gains.append(f"{name}'s effort is {1.0 + value:.3g} ± {error:.1g} times what acts")
-            ways.append(f"{name}: {{effort: {{gain: {gains_of(study.model)[key.at] / (1.0 + value):.3g}}}}}")
+            gain = f"effort.gain: {gains_of(study.model)[key.at] / (1.0 + value):.3g}"
+            gains.append(f"{name}'s effort is {1.0 + value:.3g} ± {error:.1g} times what acts ({gain})")
         else:
             unit = f"{joint.effort_unit}/{joint.position_unit}"
             springs.append(f"{value:.2g} ± {error:.1g} {unit} of {key.law.replace('_', ' ')} in {name}")
-            ways.append(f"signlin add {name}.{key.law}")
     left = ", ".join(f"{relief.rms[i]:.3g} {study.robot.joints[i].effort_unit} of {study.names[i]}'s" for i in own)
     said = f"what is measured behind the gears shows {'; '.join([*springs, *gains])}"
     beside = f"beside that, bodies and motors that exist leave {left}"
-    return f"{said}: {beside}; not written, as it may be the sensor's or the arm's ({'; '.join(ways)} takes it)"
+    return f"{said}: {beside}; the model that is written has that, as it may be the sensor's or the arm's, not a body's"
 
 
 def _no_bodies(diagnosis: ArmDiagnosis) -> list[tuple[float, str]]:

@@ -87,7 +87,7 @@ class ArmDiagnosis:
 
     ``detectable``: the smallest coefficients of laws that these records would show. ``ahead``: velocities foretold over
     short windows by basic friction and by what is proposed; ``witnesses``: what those say of ``found`` and ``missing``;
-    ``relief``: what efforts behind the gears show beside bodies that exist.
+    ``relief``: what efforts behind the gears show beside bodies that exist, which is in the model that is proposed.
     """
 
     comparison: ArmComparison
@@ -336,7 +336,7 @@ def add(
         ]
     else:
         estimate = before
-    return _witnessed(_told(comparison, state, estimate, (), []))
+    return _witnessed(_told(comparison, state, estimate, (), [], asked_more=False))
 
 
 def in_file(found: Study) -> list[tuple[Key, JointLaw | None]]:
@@ -377,7 +377,9 @@ def _told(
     estimate: CoefficientEstimate,
     missing: Sequence[MissingLaw],
     couplings: Sequence[tuple[str, str]],
+    asked_more: bool = True,
 ) -> ArmDiagnosis:
+    """Return what is told, and the model that is proposed; ``asked_more``: with what relieves bodies, if need be."""
     found, (written, as_written) = comparison.study, _to_write(state, estimate)
     new = proposal(found, written, as_written)
     own = found.new.by_joint(found.left(new.model, found.new))
@@ -394,7 +396,11 @@ def _told(
     compared = replace(comparison, study=again, table=table, bodies=body_distance(estimate), matched=matched)
     laws = tuple(_as_settled(law, estimate) for law in state.found)
     told = ArmDiagnosis(compared, state, estimate, laws, tuple(missing), tuple(couplings), new, payload)
-    return replace(told, relief=relief(again, state) if paying(told) else None)
+    beside = relief(again, written, own) if asked_more and paying(told) else None
+    if beside is None:
+        return told
+    compared = replace(compared, table=replace(table, model=beside.rms), bodies=body_distance(beside.estimate))
+    return replace(told, comparison=compared, proposal=beside.proposal, relief=beside)
 
 
 def _to_write(state: State, estimate: CoefficientEstimate) -> tuple[State, CoefficientEstimate]:

@@ -3,6 +3,7 @@
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from signlin_ros.arms.data import read_data, sides
@@ -12,6 +13,7 @@ from signlin_ros.arms.notes import bent, lag_notes, unwritten
 from signlin_ros.arms.told import effects_named, sentences
 from signlin_ros.arms.verbs import diagnose
 from signlin_ros.model import Model
+from signlin_ros.robots.inertia import TEN, least_eigenvalue
 
 SHARED = Path(os.environ.get("SIGNLIN_DATA", "../shared/data")) / "joints"
 pytestmark = [
@@ -44,9 +46,16 @@ def test_friction_is_not_told_of_torques_on_the_links_side(swapped):
     for key, size in ((("linear_stiffness", 3), 0.32), (("linear_stiffness", 5), 0.043), (("sensor_gain", 5), 0.1)):
         value, error = told[key]
         assert abs(value - size) < 2.5 * error < value
-    assert "signlin add panda_joint4.linear_stiffness" in relieved
-    # beside that, bodies that exist are better than any bodies without it
+    assert "in panda_joint4" in relieved
+    assert "panda_joint6's effort is 1." in relieved
+    # what is written has them; beside that, bodies that exist are better than any bodies without it
     assert found.relief.rms[3] < 0.75 * found.estimate.rms[3]
+    assert (found.comparison.table.model == found.relief.rms).all()
+    assert np.log(found.relief.rms / found.relief.without).sum() < -1.0
+    written, gain = found.proposal.model, 1.0 + told["sensor_gain", 5][0]
+    assert written.parameters["panda_joint6.gain"] == pytest.approx(1.0 / gain)
+    assert written.effects["panda_joint4.linear_stiffness"].parameters["k"] == pytest.approx(0.3, abs=0.1)
+    assert min(least_eigenvalue(body) for body in written.robot.pi.reshape(-1, TEN)) > 0.0
 
 
 def test_currents_of_few_steps_are_refused_and_a_delay_that_explains_nothing_is_none():
