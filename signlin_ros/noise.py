@@ -32,6 +32,10 @@ LEAST_CORRELATION = 0.3
 GOOD_FIT = 0.1
 """Largest sum of squared relative errors of the lags at which the picture of an AR(1) is believed."""
 COARSE_DIFFERENCES = 10
+MAX_PRINTED_DIGITS = 8
+"""Significant digits beyond which a printed number is as good as the sensor; many programs print six."""
+MAX_DIGIT_ERROR = 1e-4
+"""Distance from a whole number of last digits that double precision explains."""
 ROUNDING = 1e-15
 _RHO = np.arange(0.0, 0.985, 0.01)
 MAX_NOISE_SAMPLES_LOOKED = 100_000
@@ -172,6 +176,19 @@ def quantum_of(y: Array) -> float:
     return quantum if close.mean() > 0.9 and whole[close].mean() > 0.98 else 0.0
 
 
+def steps_shown(y: Array) -> Array:
+    """Return the step (T,) in which each of the values y (T,) is shown: that of `quantum_of`, or that of its last digit
+    where all are printed with so many significant digits or fewer, as many programs do by default.
+    """
+    exponent = np.floor(np.log10(np.maximum(np.abs(y), np.finfo(float).tiny))) + 1.0
+    for digits in range(1, MAX_PRINTED_DIGITS + 1):
+        last = 10.0 ** (exponent - digits)
+        multiples = y / last
+        if np.all(np.abs(multiples - np.round(multiples)) < MAX_DIGIT_ERROR):
+            return np.asarray(np.maximum(quantum_of(y), np.where(y == 0.0, 0.0, last)))
+    return np.full(y.shape, quantum_of(y))
+
+
 def fourth_difference_share(rho: Array) -> Array:
     """Return g(rho): the share of an AR(1)'s variance that fourth differences see."""
     return np.asarray((70 - 112 * rho + 56 * rho**2 - 16 * rho**3 + 2 * rho**4) / 70)
@@ -241,5 +258,6 @@ __all__ = [
     "quantum_of",
     "sensor_noise",
     "smooth_noise",
+    "steps_shown",
     "white_noise",
 ]

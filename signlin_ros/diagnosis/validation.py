@@ -197,16 +197,17 @@ class ValidationTests:
         what is left shows that it is noise.
         """
         part = 100.0 * self.criteria.max_rmse_left
-        return self.evidence.near_any_noise(self.final) or max(self.unpredicted, default=0.0) <= part
+        return self.evidence.near_any_noise(self.final) or self.unpredicted <= part
 
     @property
     def leaves_little(self) -> bool:
         """Whether a proposal leaves no more, beside what the base model does, than a table shows: of the force, or of
-        every channel whose error is beyond its noise.
+        every channel whose error is beyond about its noise.
         """
         if not self.names:
             return False
-        small, beyond = self.criteria.visible_change, self.final.validation_rmse > self.output_error.validation.noise
+        c, small = self.criteria, self.criteria.visible_change
+        beyond = self.final.validation_rmse > c.max_rmse_over_noise * self.output_error.validation.noise
         less = self.final.validation_rmse <= small * self.base.validation_rmse
         left, before = (self.force_mse(f) for f in (self.final, self.base))
         little = left is not None and before is not None and bool(np.mean(left) <= small**2 * np.mean(before))
@@ -266,14 +267,32 @@ class ValidationTests:
         return large and any(one.structured and one.dependent > c.max_dependent_share for one in tested)
 
     @property
-    def unpredicted(self) -> list[float]:
-        """What is left of the channels, of which the model leaves more than about their noise, in per cent of their
-        spread.
+    def leaves_structured_channel(self) -> bool:
+        """Whether the error of a channel, of which the residual has structure, is a part of its spread that counts as
+        missing where no force is seen.
         """
+        if self.percent is not None or self.dataset.plant.motion_is_imposed():
+            return False
+        channels = zip(self._unpredicted_by_channel, self.final.residual_tests, strict=True)
+        return any(part > 100.0 * self.criteria.min_missing_share and one.structured for part, one in channels)
+
+    @property
+    def _unpredicted_by_channel(self) -> list[float]:
+        """What is left of each channel in per cent of its spread; 0 where that is no more than about its noise."""
         scores = row(self.evidence, self.final, None).validation.channels.values()
         near = self.criteria.max_rmse_over_noise
-        far = [s.fit_percent for s in scores if s.rmse_over_noise is None or s.rmse_over_noise > near]
-        return [100.0 - fit for fit in far if fit is not None]
+        beyond = (s.rmse_over_noise is None or s.rmse_over_noise > near for s in scores)
+        return [
+            100.0 - s.fit_percent if far and s.fit_percent is not None else 0.0
+            for far, s in zip(beyond, scores, strict=True)
+        ]
+
+    @property
+    def unpredicted(self) -> float:
+        """The largest part of a channel's spread that is left, in per cent, of channels that err by more than about
+        their noise.
+        """
+        return max(self._unpredicted_by_channel, default=0.0)
 
     @cached_property
     def imposed(self) -> float | None:
@@ -281,7 +300,7 @@ class ValidationTests:
         told = self.percent is not None and self.percent > self.evidence.force_noise_percent
         if told or not self.dataset.plant.motion_is_imposed():
             return None
-        return next(iter(self.unpredicted), None)
+        return self.unpredicted or None
 
     @property
     def leaves_most(self) -> bool:
@@ -327,7 +346,7 @@ class ValidationTests:
         """
         known = improvement(self.base.training_squares, self.final.training_squares, self.output_error.training.noise)
         gains, c = (known, self.output_error.improvement(self.base, self.final)), self.criteria
-        large = max(self.unpredicted, default=0.0) > 100.0 * c.min_missing_share
+        large = self.unpredicted > 100.0 * c.min_missing_share
         little = large and min(g.joint_reduction for g in gains) < c.max_force_mse_left
         return little or min(g.mse_reduction for g in gains) < 1.0 - c.max_force_mse_left
 

@@ -118,7 +118,7 @@ def _reason_by_force(tests: ValidationTests) -> str:
     where the residual follows from the model's own motion; near the noise it must be white, or the steps of a sensor.
     """
     final, near = tests.final, tests.evidence.near_noise(tests.final)
-    largest = max([tests.percent or 0.0, *tests.unpredicted])
+    largest = max(tests.percent or 0.0, tests.unpredicted)
     large = not tests.names and largest > 100.0 * tests.criteria.min_missing_share
     if large and tests.generalizes_badly:
         return "elsewhere"
@@ -131,15 +131,16 @@ def _reason_by_force(tests: ValidationTests) -> str:
 
 
 def _reason_by_motion(tests: ValidationTests) -> str:
-    """Return the reason where no force residual is seen: the residual of the motion must be noise, or small; where a
-    load floats, whose place nobody sees while the play is crossed, near the noise.
+    """Return the reason where no force residual is seen: the residual of the motion must be noise, or small: a law may
+    leave no part of a channel's spread with structure that counts as missing; where a load floats, whose place nobody
+    sees while the play is crossed, near the noise.
     """
     noise = tests.evidence.residual_is_white(tests.final) or tests.of_steps
-    largest = max(tests.unpredicted, default=0.0)  # so much is no noise of an input
-    noise = noise and (bool(tests.names) or largest <= 100.0 * tests.criteria.max_rmse_left)
+    small = tests.unpredicted <= 100.0 * tests.criteria.max_rmse_left  # more is no noise of an input
+    noise = noise and (bool(tests.names) or small)
     near = tests.evidence.near_any_noise(tests.final)
     if tests.names and not near and (noise or tests.percent is None):
-        explained = tests.explains_all_force or not tests.leaves_much_motion
+        explained = tests.explains_all_force or not (tests.leaves_much_motion or tests.leaves_structured_channel)
         explained = explained or (tests.carries_over and not tests.generalizes_badly)
         return "" if explained else "elsewhere" if tests.generalizes_badly else "structure"
     follows = tests.floats and tests.evidence.near_noise(tests.final) and not tests.leaves_much_motion

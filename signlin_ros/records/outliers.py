@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
-from signlin_ros.noise import quantum_of
+from signlin_ros.noise import steps_shown
 from signlin_ros.records.clean import gaps
 from signlin_ros.records.mapping import ModelData
 
@@ -97,13 +97,14 @@ def _set_apart(at: Index, y: Array, calm: NDArray[np.bool_], few: int) -> NDArra
     all others: between the least of them, more than ``few``, and the next peak of the motion is a factor `BEYOND`.
     ``at`` (T,): places of the samples, between which others may be left out.
     """
-    least, found = MIN_OUTLIER_STEPS * quantum_of(_core(y)), np.zeros(y.size, dtype=np.bool_)
+    least, found = MIN_OUTLIER_STEPS * _steps(y), np.zeros(y.size, dtype=np.bool_)
     for length in range(1, PAIR + 1):
         away, apart = _away(y, length)
         judged = calm[1 : 1 + away.size] & (away > apart)  # at a corner it does not come back
         peaks = np.flatnonzero(judged & (away >= maximum_filter1d(np.where(judged, away, 0.0), 2 * length + 1)))
-        sizes = np.sort(away[peaks])[::-1]
-        floor = max(MIN_OUTLIER_DEVIATIONS * float(np.median(away)) / 0.6745, least)
+        peaks = peaks[np.argsort(-away[peaks], kind="stable")]
+        sizes = away[peaks]
+        floor = np.maximum(MIN_OUTLIER_DEVIATIONS * float(np.median(away)) / 0.6745, least[1 + peaks[:-1]])
         last = np.arange(1, sizes.size)
         beyond = (sizes[:-1] > floor) & (sizes[:-1] > BEYOND * sizes[1:])
         beyond &= (
@@ -112,7 +113,7 @@ def _set_apart(at: Index, y: Array, calm: NDArray[np.bool_], few: int) -> NDArra
         if not beyond.any():
             continue
         limit = sizes[:-1][beyond].min()
-        beyond_line = peaks[away[peaks] >= limit]
+        beyond_line = np.sort(peaks[away[peaks] >= limit])
         for k in beyond_line[~_turning(at, y, away, beyond_line, length)].tolist():
             found[1 + k : 1 + k + length] = True
     return np.flatnonzero(found)
@@ -176,22 +177,28 @@ def _stepping(u: Array) -> NDArray[np.bool_]:
 def _off(y: Array, stepping: NDArray[np.bool_]) -> set[int]:
     """Return the samples of y (T,), without missing ones, that are off."""
     found: set[int] = set()
-    least = MIN_OUTLIER_STEPS * quantum_of(_core(y))
+    least = MIN_OUTLIER_STEPS * _steps(y)
     for length in range(1, MAX_OUTLIER_RUN + 1):
         away, apart = _away(y, length)
-        limit = np.maximum(max(_unusual(away), least), MIN_OVER_NEIGHBOURS * apart)
+        limit = np.maximum(np.maximum(_unusual(away), least[1 : 1 + away.size]), MIN_OVER_NEIGHBOURS * apart)
         beyond_line = np.flatnonzero((away > limit) & ~stepping[1 : 1 + away.size])
         for k in beyond_line[~_turning(np.arange(y.size), y, away, beyond_line, length)]:
             found |= set(range(k + 1, k + 1 + length))
-    ends = 0 if stepping[-MAX_OUTLIER_RUN:].any() else _off_at_the_end(y, least)
+    ends = 0 if stepping[-MAX_OUTLIER_RUN:].any() else _off_at_the_end(y, float(least[-MAX_OUTLIER_RUN - 1]))
     found |= {y.size - 1 - k for k in range(ends)}
     return found
 
 
-def _core(y: Array) -> Array:
-    """Return y (T,) without what is so far off that the step of the others could not be told."""
+def _steps(y: Array) -> Array:
+    """Return the step (T,) in which each value of y (T,) is shown; of what is so far off that the step of the others
+    could not be told, that of the others.
+    """
     low, middle, high = np.quantile(y, [0.05, 0.5, 0.95])
-    return y[np.abs(y - middle) <= MAX_SPAN_RATIO * (high - low)] if high > low else y
+    core = np.abs(y - middle) <= MAX_SPAN_RATIO * (high - low) if high > low else np.ones(y.shape, dtype=np.bool_)
+    shown = steps_shown(y[core])
+    steps = np.full(y.shape, shown.min(initial=np.inf) if shown.size else 0.0)
+    steps[core] = shown
+    return steps
 
 
 def _unusual(away: Array) -> float:

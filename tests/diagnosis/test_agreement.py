@@ -593,12 +593,15 @@ def test_where_the_force_does_not_tell_the_motion_must(rms, known, why, monkeypa
     assert (found.label, found.reason) == ("unexplained" if why else "missing", why)
 
 
-@pytest.mark.parametrize(("other", "why"), [(0.9, ""), (8.0, "structure")])
-def test_and_a_part_of_what_all_channels_lack(other, why):
+@pytest.mark.parametrize(
+    ("other", "white", "why"), [(0.9, True, ""), (8.0, True, "structure"), (0.9, False, "structure")]
+)
+def test_and_a_part_of_what_all_channels_lack_and_no_structure(other, white, why):
     """An inertia that varies along the way was called backlash: it halved the position's error, 5 times the noise, and
-    left the current's and the speed's, 9 times theirs.
+    left the current's and the speed's, 9 times theirs. Of Coulomb friction in a pattern, by a speed alone, Stribeck
+    friction left 17 % of the spread, which was no noise.
     """
-    final = Fit(("compliant_load",), (0.6, other), 1.0)
+    final = Fit(("compliant_load",), (0.6, other), 1.0, white=white)
     assert judged(final, Fit((), (3.0, 8.0), 2.0)).reason == why
 
 
@@ -606,6 +609,16 @@ def test_and_a_part_of_what_all_channels_lack(other, why):
 def test_what_leaves_a_hundredth_of_the_force_is_missing_whatever_that_is(force, verdict):
     """A vertical axis: weight and friction left 0.6 of 71 % of the effort, and were told to explain a part."""
     base, final = Fit((), (450.0 * NOISE,), 0.71), Fit(("coulomb_friction",), (12.0 * NOISE,), force)
+    assert judged(final, base, equation_error_stub(*LAWS, effects=final.effects)).label == verdict
+
+
+@pytest.mark.parametrize(("current", "verdict"), [(1.3, "missing"), (2.7, "unexplained")])
+def test_or_a_hundredth_of_each_error_that_is_beyond_about_its_noise(current, verdict):
+    """Coulomb friction took the error of a speed without noise from 7,200 steps to 45, and was called a part since the
+    current's was 1.02 times its noise.
+    """
+    base = Fit((), (700.0 * NOISE, 4.0 * NOISE), 0.175)
+    final = Fit(("coulomb_friction",), (4.5 * NOISE, current * NOISE), 0.02)
     assert judged(final, base, equation_error_stub(*LAWS, effects=final.effects)).label == verdict
 
 

@@ -42,3 +42,16 @@ def test_lost_readings_are_found_beside_such_turns(between_stops):
     x[lost] = 0.35
     data = ModelData(between_stops.t, between_stops.u, {"displacement": x}, None, ("force",), ("displacement",), {})
     assert np.flatnonzero(wild(data, "displacement")).tolist() == lost.tolist()
+
+
+def test_the_last_digit_of_a_large_number_is_no_lost_reading():
+    """A position of a thousand rad was written with six digits, in steps of 0.01, and ten times finer when smaller."""
+    t = np.arange(60_000) * 1e-3
+    angle = 1150.0 * np.sin(2 * np.pi * t / 60.0) + 0.02 * np.sin(2 * np.pi * 7.0 * t)
+    angle += np.random.default_rng(3).normal(0.0, 5e-4, t.size)
+    printed = np.array([float(f"{x:.6g}") for x in angle])
+    data = ModelData(t, np.zeros((t.size, 1)), {"position": printed}, None, ("voltage",), ("position",), {})
+    assert not wild(data, "position").any()
+    lost = np.arange(1500, 60_000, 1571)
+    printed[lost] = 0.0
+    assert np.flatnonzero(wild(data, "position")).tolist() == lost.tolist()
