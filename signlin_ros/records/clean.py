@@ -61,7 +61,8 @@ class RawTable:
 
     ``named``: whether the file names them; ``runs``: rows before which its header returned; ``exact``: columns of whole
     numbers that doubles do not hold, by label; ``step``: name and value of a sampling time in s that the file states;
-    ``fields``: numbers that it states of all of it.
+    ``fields``: numbers that it states of all of it; ``dated``: what columns of dates that are left out say, (R,) s from
+    the first row, by label.
     """
 
     source: str
@@ -74,11 +75,13 @@ class RawTable:
     exact: Mapping[str, npt.NDArray[np.int64]] = field(default_factory=dict)
     step: tuple[str, float] | None = None
     fields: Mapping[str, float] = field(default_factory=dict)
+    dated: Mapping[str, Array] = field(default_factory=dict)
 
     def take(self, index: npt.NDArray[np.intp] | npt.NDArray[np.bool_], *notes: Note) -> RawTable:
         """The rows at `index`, an index array or a mask, with further notes."""
         columns = [column[index] for column in self.columns]
-        return replace(self, columns=columns, rows=self.rows.take(index), notes=(*self.notes, *notes))
+        dated = {label: seconds[index] for label, seconds in self.dated.items()}
+        return replace(self, columns=columns, rows=self.rows.take(index), notes=(*self.notes, *notes), dated=dated)
 
 
 def keeper(signals: Mapping[str, str] | None, wanted: Iterable[str] | None) -> Keep:

@@ -130,7 +130,8 @@ def _how(record: Record, name: str, key: str, wanted: str, mapped: bool, turns: 
 def quoted(label: str) -> str:
     """A column's name as a formula takes it."""
     bare = heading(label).name
-    return bare if re.fullmatch(r"[\w./\[\]]+", bare) else f'"{bare}"'
+    plain = re.fullmatch(r"[\w./\[\]]+", bare) and not re.fullmatch(r"[\d.]+(?:[eE]\d+)?", bare)
+    return bare if plain else f'"{bare}"'
 
 
 def _without_huge(record: Record, name: str, signal: Signal, values: Array, notes: list[Note]) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -48,6 +49,8 @@ NO_FILES = {
     "=-": "; what comes through a pipe is read as /dev/stdin",
 }
 """What is to be said of names that are none of files, by what is in them, or is all of them."""
+SNIFFED = 4096
+"""So many bytes tell whether a file is text."""
 MIN_RUN_ROWS = 20
 """Runs of fewer rows are left out beside longer ones."""
 
@@ -213,7 +216,8 @@ def _read_file(file: Path, source: str, signals: Mapping[str, str], wanted: list
 
         content = bam.read(file, source)
         log = bam.is_log(content)
-        table = bam.table_of(content, source) if log else mat.table_of(objects.arrays(content), source, signals)
+        rows = None if log else objects.rows_without_names(content, source)
+        table = bam.table_of(content, source) if log else rows or mat.table_of(objects.arrays(content), source, signals)
         return records_of(table, signals, keep)
     if suffix in TABLES:
         from signlin_ros.records.formats.tables import read_table
@@ -222,7 +226,27 @@ def _read_file(file: Path, source: str, signals: Mapping[str, str], wanted: list
     from signlin_ros.records.formats import csv
 
     asked = [*signals.values(), *(wanted or ())]
-    return records_of(csv.read_table(file, source, keep, asked), signals, keep)
+    if suffix in (*TEXT, *PACKED, *ECHOES):
+        return records_of(csv.read_table(file, source, keep, asked), signals, keep)
+    try:
+        table = csv.read_table(file, source, keep, asked)
+    except RecordError as error:
+        raise RecordError(f"{error} ({_unknown(file)}, so it was read as text)") from None
+    said = f"files of the kind {file.suffix!r} are not known: it is read as text"
+    return records_of(replace(table, notes=(Note(said, "format"), *table.notes)), signals, keep)
+
+
+def _unknown(file: Path) -> str:
+    known = (*TEXT, *PACKED, *ECHOES, *TABLES, *LOGS, *BAGS)
+    return f"unknown kind {file.suffix!r}; records are {', '.join(known)} or rosbag2 folders"
+
+
+def _is_text(file: Path) -> bool:
+    """Tell whether a file begins with letters, of whatever encoding, and no other bytes."""
+    with file.open("rb") as stream:
+        start = stream.read(SNIFFED)
+    marked = start.startswith((b"\xff\xfe", b"\xfe\xff"))
+    return bool(start) and (marked or not re.search(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]", start))
 
 
 def _check_there(file: Path, source: str) -> None:
@@ -234,5 +258,5 @@ def _check_there(file: Path, source: str) -> None:
     known = (*TEXT, *PACKED, *ECHOES, *TABLES, *LOGS, *BAGS)
     if file.is_file() and file.suffix.lower() in WAYS:
         raise RecordError(f"{source}: {WAYS[file.suffix.lower()]}")
-    if file.is_file() and file.suffix.lower() not in known:
-        raise RecordError(f"{source}: unknown kind {file.suffix!r}; records are {', '.join(known)} or rosbag2 folders")
+    if file.is_file() and file.suffix.lower() not in known and not _is_text(file):
+        raise RecordError(f"{source}: {_unknown(file)}")

@@ -300,7 +300,7 @@ class _Parser:
         return self.closed(Node(name, tuple(arguments)))
 
     def column(self) -> str:
-        """Take the longest name of a column that comes next; its key, or ""."""
+        """Take the longest name of a column that comes next; its key, or "". A number is one, unless in quotes."""
         rest = self.text[self.at :]
         quoted = re.match(r"([\"'`])(.+?)\1", rest)
         if quoted:
@@ -315,7 +315,12 @@ class _Parser:
                 whole = not (name[-1].isalnum() or name[-1] == "_") or not (
                     after.isalnum() or (after in ("_", ".") and after)
                 )
-                if name and whole and (head == name if same else head.lower() == name.lower()):
+                if (
+                    name
+                    and whole
+                    and not _NUMBER.fullmatch(name)
+                    and (head == name if same else head.lower() == name.lower())
+                ):
                     self.at += len(name)
                     return key
         return ""

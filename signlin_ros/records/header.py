@@ -27,6 +27,9 @@ _FURTHER += " idő zaman время час 时间 時間 時刻 时刻 시간"
 _TIMES = (*TIME_NAMES, *_FURTHER.split())
 _TIME = re.compile(rf"(?:__?|%)?(?P<name>{'|'.join(_TIMES)})(?:\(\))?(?:_(?P<unit>s|sec|ms|us|ns))?\Z", re.IGNORECASE)
 _TIME_UNITS = {"ms_today": "ms", "millis": "ms", "micros": "us", "sec": "s", "secs": "s", "seconds": "s"}
+_ENDS_AS_TIME = re.compile(r"(?i).*(?:time|timestamp|stamp|clock)\Z")
+_BEGINS_AS_TIME = re.compile(r"(?i)(?:(?:time|stamp)(?:stamp)?(?:[\W_].*|(?P<unit>[mun]s)(?:ec)?)?|epoch|ts)\Z")
+"""Names of columns that are times where they go on from row to row: ``pi_time``, ``TimeUS``, ``time_since_boot``."""
 _WIDE = {0xFF01 + k: 0x21 + k for k in range(94)} | {0x3000: " ", 0x3010: "[", 0x3011: "]"}
 """Signs of the width of Chinese ones, as brackets around a unit are often written: those of ASCII."""
 _PAIR = re.compile(
@@ -104,6 +107,17 @@ def clock(headings: Sequence[Heading]) -> Heading | None:
     """
     times = [head for head in headings if head.time is not None]
     return min(times, key=lambda head: (head.name == "T", (head.time or (99, ""))[0]), default=None)
+
+
+def names_a_time(name: str) -> bool:
+    """Whether a column may be a time by its name, ``pi_time``, ``TimeUS``, ``epoch``, if it goes on from row to row."""
+    return bool(_ENDS_AS_TIME.match(name) or _BEGINS_AS_TIME.match(name))
+
+
+def unit_of_time(name: str) -> str:
+    """The unit at the end of such a name, ``us`` of ``TimeUS``, or nothing."""
+    match = _BEGINS_AS_TIME.match(name)
+    return (match["unit"] or "").lower() if match else ""
 
 
 def pair(headings: Sequence[Heading]) -> tuple[Heading, Heading, float] | None:

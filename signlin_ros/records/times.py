@@ -6,7 +6,7 @@ A time that counts from 1970 (in s, ms, µs or ns, which its size tells) counts 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -16,7 +16,7 @@ import numpy.typing as npt
 from signlin_ros import units
 from signlin_ros.errors import RecordError
 from signlin_ros.records import grammar
-from signlin_ros.records.header import TIME_KEYS, Heading, clock, pair
+from signlin_ros.records.header import TIME_KEYS, Heading, clock, names_a_time, pair, unit_of_time
 from signlin_ros.records.notes import Note
 from signlin_ros.records.table import listing, nearest
 
@@ -36,13 +36,20 @@ _LONGEST_DATED_STEP = 1e-5
 """A time that reads as such a date, with smaller steps than this, is in days: in s it would be one of 100 kHz."""
 _COUNTERS, _MOST_STEPS_OVER = (8, 16, 24, 32), 3.0
 """Bits of counters that a time may be of; steps from row to row, in usual ones, over which one overflows."""
-_NAMES_TIME = re.compile(r"(?i)(?:time|timestamp|stamp|clock)\Z")
+_STEPS = re.compile(
+    r"(?i)(?:dt|ts|t_s|delta_?t(?:ime)?|(?:sample|sampling|step|cycle)[ _]?(?:time|period)|time[ _]?step)\Z"
+)
+"""Names of columns that hold the time from row to row."""
+_PARTS = re.compile(r"(?i)(?:.*[\W_])?(?:milli(?:s|secs?|seconds?)?|m(?:s|secs?))\Z")
+"""Names of columns that hold the ms beyond the whole seconds of another one."""
 _UNIT_ALONE = re.compile(r"(?:m|u|µ|μ|n)s(?:ecs?)?|(?i:milli|micro|nano)(?:seconds?|secs?)")
 """Names of columns that are a unit of time and nothing else."""
 _ALSO_A_SPEED = "ms"
 """The one of them that stands for m/s as well; a speed does not only rise."""
 _SLOWEST = 60.0
 """A recorder does not take longer from row to row, in s."""
+_FASTEST = 1e-7
+"""Nor is one of a drive faster than this: steps that would be shorter are not in the unit that is stated."""
 _LARGEST_SECONDS = 1e11
 """A stamp without a unit beyond this is surely not in seconds: 3000 years, or milliseconds since 1970."""
 CALENDAR = 1e8
@@ -63,6 +70,8 @@ class Times:
 def times_of(table: RawTable, signals: Mapping[str, str]) -> Times:
     """The times of a table's rows; `signals` may say what they are under the key ``t``.
 
+    Where another clock of the file goes on by far more or less, that is asked for.
+
     Raises
     ------
     RecordError
@@ -71,16 +80,51 @@ def times_of(table: RawTable, signals: Mapping[str, str]) -> Times:
     spec = next((signals[key].strip() for key in sorted(signals.keys() & TIME_KEYS)), "")
     if spec:
         return _as_said(table, spec)
+    times = _found(table)
+    return replace(times, notes=(*times.notes, *_contradicted(table, times)))
+
+
+def _contradicted(table: RawTable, times: Times) -> list[Note]:
+    """A question after the time where another clock of the file, in a unit that is known, goes on otherwise."""
+    others = dict(table.dated)
+    for head in table.headings:
+        if head.label not in times.used and head.time is not None and head.time[1]:
+            column = table.columns[table.headings.index(head)]
+            how = units.conversion(head.time[1], "s")
+            others |= {} if how is None or not np.isfinite(column).all() else {head.label: units.scaled(column, how[0])}
+    gone = _gone(times.t)
+    for label, seconds in others.items():
+        told, tick = _gone(seconds), float(np.min(np.diff(np.unique(seconds)), initial=np.inf))
+        if told > MIN_TICKS * tick and gone > 0.0 and not 1.0 / CLOCKS_APART < gone / told < CLOCKS_APART:
+            said = (
+                f"the time {times.label!r} goes on by {gone:.4g} s, and {label!r} by {told:.4g} s: say which is right, "
+                f"--signal 't = {label}', or --signal 't = {times.label} [UNIT]'"
+            )
+            return [Note(said, "unit_of_time", "t")]
+    return []
+
+
+def _gone(t: Array) -> float:
+    """By how much times (R,) go on, in s, without what they go back."""
+    return float(np.maximum(np.diff(t), 0.0).sum())
+
+
+def _found(table: RawTable) -> Times:
+    """The times of a table's rows, of which nothing is said."""
     best, two = clock(table.headings), pair(table.headings)
     if two is not None and (best is None or best in two):
         return _two(table, *two)
     if best is not None and best.time is not None:
-        return _column(table, best, best.time[1])
-    timed = next((head for head in table.headings if _counts(table, head)), None)
-    if timed is not None:
-        return _column(table, timed, timed.unit or timed.name)
+        return _finer(table, best)
+    timed = [head for head in table.headings if _counts(table, head)]
+    if timed:
+        return _taken(table, timed)
     if table.step is not None:
         return _even(table, table.step[1], f"the sampling time {table.step[0]}")
+    stepped = next((head for head in table.headings if _STEPS.match(head.name)), None)
+    summed = None if stepped is None else _by_steps(table, stepped)
+    if summed is not None:
+        return summed
     if not table.named:
         found = _without_names(table)
         if found is not None:
@@ -105,18 +149,75 @@ def times_of(table: RawTable, signals: Mapping[str, str]) -> Times:
 def _counts(table: RawTable, head: Heading) -> bool:
     """Whether a column is a time by its unit, and goes on from row to row: ``Source [Second]``, ``in s``; a unit that
     may be none, at the end of a name, needs a name that ends as one of times: ``Teensy_time_s``. A name may be the unit
-    and nothing else: ``ms``.
+    and nothing else, ``ms``; without a unit it must be one of a time, ``pi_time``, ``TimeUS``.
     """
     alone = bool(_UNIT_ALONE.fullmatch(head.name)) and not head.unit
-    if not (alone or head.unit) or (head.suffix and not _NAMES_TIME.search(head.name)):
+    called = names_a_time(head.name)
+    if not (alone or head.unit or called) or (head.suffix and not called):
         return False
-    parsed = units.parse(head.name if alone else head.unit)
     column = table.columns[table.headings.index(head)]
-    is_time = parsed is not None and parsed[1] == (0, 0, 1, 0, 0, 0)
-    if not is_time or column.size < 2 or not np.isfinite(column).all():
+    if column.size < 2 or not np.isfinite(column).all():
         return False
+    if alone or head.unit:
+        parsed = units.parse(head.name if alone else head.unit)
+        if parsed is None or parsed[1] != (0, 0, 1, 0, 0, 0):
+            return False
     rises = np.diff(column) > 0
     return bool(rises.all() if alone and head.name == _ALSO_A_SPEED else rises.mean() > 0.9)
+
+
+def _taken(table: RawTable, timed: Sequence[Heading]) -> Times:
+    """The time of the first of the columns that may be it, and which others may."""
+    best, *others = timed
+    unit = best.unit or unit_of_time(best.name) or (best.name if _UNIT_ALONE.fullmatch(best.name) else "")
+    times = _column(table, best, unit)
+    said = f"no column is called a time: {best.label!r} is taken for it, as it goes on from row to row"
+    if others:
+        names = ", ".join(repr(head.label) for head in others)
+        said += f"; so {'does' if len(others) == 1 else 'do'} {names}: --signal t=COLUMN takes another one"
+    return replace(times, notes=(Note(said, "clock", "t"), *times.notes))
+
+
+def _finer(table: RawTable, best: Heading) -> Times:
+    """The time of the column that is called so; where rows share its stamps, with the ms beyond them in another column,
+    or of another time that tells all rows apart.
+    """
+    times = _column(table, best, (best.time or (0, best.unit))[1])
+    if times.t.size < 2 or not (np.diff(times.t) == 0).any():
+        return times
+    pairs = zip(table.headings, table.columns, strict=True)
+    others = [(head, column) for head, column in pairs if head is not best and np.isfinite(column).all()]
+    for head, column in others:
+        if (head.time is not None or _counts(table, head)) and (np.diff(column) > 0).all():
+            said = f"rows share stamps of {best.label!r}: the time is {head.label!r}, which tells them apart"
+            found = _column(table, head, head.time[1] if head.time is not None else head.unit or head.name)
+            return replace(found, notes=(Note(said, "clock", "t"), *found.notes))
+    for head, column in others:
+        if _PARTS.match(head.name) and column.min() >= 0.0 and column.max() < 1000.0:
+            t = times.t - (times.t[0] if times.t[0] > CALENDAR else 0.0) + 1e-3 * column
+            if (np.diff(t) > 0).all():
+                note = Note(f"the ms in {head.label!r} are added to the time in {best.label!r}", "clock", "t")
+                return replace(times, t=t, used=times.used | {head.label}, notes=(*times.notes, note))
+    return times
+
+
+def _by_steps(table: RawTable, head: Heading) -> Times | None:
+    """The time where a column holds the step from row to row: one value, in all rows or the first alone, or each
+    row's own; None where it holds something else.
+    """
+    column = table.columns[table.headings.index(head)]
+    how = units.conversion(head.unit, "s")
+    known = column[np.isfinite(column)]
+    if how is None or not known.size or known.min() <= 0.0:
+        return None
+    if known.size == 1 or np.ptp(known) == 0.0:
+        times = _even(table, float(known[0]) * how[0], f"as {head.label!r} says")
+        return replace(times, used=frozenset({head.label}))
+    if known.size < column.size:
+        return None
+    t = np.cumsum(column * how[0])
+    said = f"no time column: it is summed up from the steps in {head.label!r}"
+    return Times(t - t[0], head.label, frozenset({head.label}), (Note(said, "clock", "t"), *_asked(head, t)))
 
 
 def _as_said(table: RawTable, spec: str) -> Times:
@@ -134,7 +235,8 @@ def _as_said(table: RawTable, spec: str) -> Times:
         if len(found) == 1:
             stated = unit if text == body and unit else ""
             head = found[0]
-            times = _column(table, head, stated or (head.time[1] if head.time is not None else head.unit))
+            unit = stated or (head.time[1] if head.time is not None else head.unit)
+            times = _column(table, head, unit, said=bool(stated))
             said = (Note(f"the time {head.label!r} is in {stated}, as said", "clock", "t"),) if stated else ()
             return replace(times, notes=times.notes or said)
     labels = [head.label for head in table.headings]
@@ -194,8 +296,8 @@ def _two(table: RawTable, whole: Heading, part: Heading, size: float) -> Times:
     return Times(t, whole.label, frozenset({whole.label, part.label}), (Note(said, "clock", "t"),))
 
 
-def _column(table: RawTable, head: Heading, unit: str) -> Times:
-    """The time in one column."""
+def _column(table: RawTable, head: Heading, unit: str, said: bool = False) -> Times:
+    """The time in one column; its unit is the one that the file states, or ``said`` by the user."""
     raw = table.columns[table.headings.index(head)]
     _check_finite(table, raw)
     from_first = _from_first(table, head.label, raw)
@@ -233,6 +335,8 @@ def _column(table: RawTable, head: Heading, unit: str) -> Times:
         notes += _asked(head, t)
     elif how[0] != 1.0 and not notes:
         notes.append(Note(f"time from {head.label!r}, converted from {found} to s", "clock", "t"))
+    if unit and how[0] != 1.0 and not said:
+        notes += _doubted(head, unit, t.size, step * how[0])
     return Times(t, head.label, frozenset({head.label}), tuple(notes))
 
 
@@ -274,6 +378,10 @@ SLOW_STEPS = ((1e5, "ns"), (500.0, "us"), (0.5, "ms"))
 """Steps in s from which on a time without a unit is rather in another one."""
 
 
+MIN_TICKS, CLOCKS_APART = 5.0, 10.0
+"""A clock has gone on by so many of its steps before it is held against another, and by which factor two differ that
+are not in the units taken: a simulator's time and the calendar's may differ, too.
+"""
 MIN_UNIT_ROWS = 20
 """Rows from which on the steps of a time tell whether its unit has to be asked for."""
 
@@ -291,6 +399,17 @@ def _asked(head: Heading, t: Array) -> list[Note]:
         f"the time {label!r} states no unit and its steps would be {step:g} s: is it in {unit}? "
         f"Then say --signal 't = {label} [{unit}]' (or name the column '{label} [{unit}]'), else 't = {label} [s]'; "
         "where it counts samples, --dt"
+    )
+    return [Note(said, "unit_of_time", "t")]
+
+
+def _doubted(head: Heading, unit: str, rows: int, step: float) -> list[Note]:
+    """A question after the unit of a time that states one in which its steps, in s, are shorter than any recorder's."""
+    if rows < MIN_UNIT_ROWS or not 0.0 < step < _FASTEST:
+        return []
+    said = (
+        f"the time {head.label!r} states {unit}, in which its steps would be {step:.3g} s: is it in s? Then say "
+        f"--signal 't = {head.label} [s]', else 't = {head.label} [{unit}]'"
     )
     return [Note(said, "unit_of_time", "t")]
 

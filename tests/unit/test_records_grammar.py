@@ -247,3 +247,17 @@ def test_a_formula_may_use_the_time(tmp_path: Path, spec: str, expected: float) 
 def test_a_column_called_t_is_taken_before_the_time() -> None:
     found = record(t=Signal(np.full(3, 7.0)), force=Signal(np.ones(3)))
     assert found.for_model(OSCILLATOR, {"displacement": "2 * t"}).measured["displacement"][0] == 14.0
+
+
+def test_a_number_is_no_column_that_is_called_so() -> None:
+    """An oscilloscope calls its channels 1 and 2; what a refusal says to say takes them in quotes."""
+    scope = record(
+        **{"1": Signal(np.arange(3.0), "V", "1 [V]", 2), "2": Signal(np.array([5.0, 7.0, 9.0]), "V", "2 [V]", 3)}
+    )
+    motor = Model.load("dc_motor")
+    with pytest.raises(RecordError, match=r"--signal 'speed = \"2\" \[UNIT\]'") as refused:
+        scope.for_model(motor, {"voltage": "#2", "speed": "2"})
+    assert 'FACTOR * "2"' in str(refused.value)
+    for said, factor in (('"2" [rad/s]', 1.0), ('3 * "2"', 3.0), ("2 * #3", 2.0)):
+        found = scope.for_model(motor, {"voltage": "#2", "speed": said})
+        np.testing.assert_allclose(found.measured["speed"], factor * np.array([5.0, 7.0, 9.0]))

@@ -8,7 +8,7 @@ import pytest
 
 from signlin_ros.errors import RecordError
 from signlin_ros.model import Model
-from signlin_ros.records import read_for_model, read_record
+from signlin_ros.records import read_for_model, read_record, read_records
 
 ROWS = [(0.005 * k, 0.1 * k, 2.0 - 0.01 * k) for k in range(40)]
 """Time in s, and two signals."""
@@ -95,6 +95,41 @@ LOGGERS = {
         f"header:\n  stamp:\n    sec: 1719000000\n    nanosec: {5_000_000 * k}\nname:\n- a\nload:\n  b: {b}\na: {a}\n"
         for k, (_, a, b) in enumerate(ROWS)
     ),
+    "no_zeros.csv": "Time,a,b\n" + "\n".join(f"9:7:{3 + t:g},{a},{b}" for t, a, b in ROWS),
+    "slashes.csv": "time,a,b\n" + "\n".join(f"2021/05/03/12:00:{3 + t:09.6f},{a},{b}" for t, a, b in ROWS),
+    "of_the_pi.csv": "pi_time,a,b\n" + "\n".join(f"{7 + t},{a},{b}" for t, a, b in ROWS),
+    "of_the_autopilot.csv": "TimeUS,a,b\n" + "\n".join(f"{5000 * k},{a},{b}" for k, (_, a, b) in enumerate(ROWS)),
+    "step_once.csv": "a,b,Ts,\n" + "\n".join(f"{a},{b},{'' if t else 0.005}," for t, a, b in ROWS),
+    "steps.csv": "a,b,dt [ms]\n" + "\n".join(f"{a},{b},{5.0 + 1e-10 * (k % 2)}" for k, (_, a, b) in enumerate(ROWS)),
+    "coarse_first.csv": "stamp,a,b,millis\n"
+    + "\n".join(f"{1719000000 + int(0.95 + t)},{a},{b},{5 * k}" for k, (t, a, b) in enumerate(ROWS)),
+    "panel.csv": '"Date","Time","Millisecond","a","b"\n'
+    + "\n".join(f'"2021/11/30","10:23:{45 + int(0.95 + t)}",{round(950 + 1e3 * t) % 1000},{a},{b}' for t, a, b in ROWS),
+    "messages.csv": "ready\nt,a,b\n"
+    + "\n".join(f"{t},{a},{b}" for t, a, b in ROWS[:20])
+    + "\nWARN: overcurrent on M1\n0.09\n--- RESUMED, again ---\n"
+    + "\n".join(f"{t},{a},{b}" for t, a, b in ROWS[20:]),
+    "blanks_and_messages.txt": "t a b\n"
+    + "\n".join(f"{t} {a} {b}" + "\nmotor is warm" * (k == 9) for k, (t, a, b) in enumerate(ROWS)),
+    "cycles.txt": "".join(
+        "Data Header:\tTime:\t15.2\tSec\t3/3/2020 2:14:05 PM\na\tb\tTime\nmm\tkN\tSec\n"
+        + "".join(f"{a}\t{b}\t{t}\n" for t, a, b in part)
+        for part in (ROWS[:20], ROWS[20:])
+    ),
+    "motion.sto": "Gait\nversion=1\nnColumns=3\nendheader\ntime\ta\tb\n"
+    + "\n".join(f"{t:16.8f}\t{a:16.8f}\t{b:16.8f}" for t, a, b in ROWS),
+    "a_line_each.txt": "Hello\n" + "\n".join(f"Time:  {1e3 * t} ms\nthe a: {a} V\nMotor b: {b}\n" for t, a, b in ROWS),
+    "members.txt": "\n".join(
+        f"{{'t': np.float64({t}), <Register.A: 1>: {a}, <Register.B: 2>: {b}, 'on': True}}" for t, a, b in ROWS
+    ),
+    "messages_of_joints.csv": "time,.name,.position,.effort\n"
+    + "\n".join(
+        f'{t},"{["a", "b"] if k % 2 else ["b", "a"]}","{(a, b) if k % 2 else (b, a)}",()'
+        for k, (t, a, b) in enumerate(ROWS)
+    ),
+    "topics.csv": "receive time,sequence,topic,value\n"
+    + "\n".join(f"{7 + t},{k},a,{a}\n{7 + t},{k},b,{b}" for k, (t, a, b) in enumerate(ROWS)),
+    "rows_alone.json": json.dumps({"test": "x", "fast": ROWS}),
     "twice.csv": "t,a,b\n" + "\n".join(f"{t},{a},{b}\n{t},{a},{b}" for t, a, b in ROWS),
     "cut.csv": "t,a,b\n" + "\n".join(f"{t},{a},{b}" for t, a, b in ROWS) + "\n0.2,3\n",
 }
@@ -105,6 +140,11 @@ NAMES = {
     "echo.yaml": ("a", "load.b"),
     "blanks.txt": ("the a", "Motor b"),
     "tuples.txt": ("c2", "c3"),
+    "rows_alone.json": ("c2", "c3"),
+    "a_line_each.txt": ("the a", "Motor b"),
+    "members.txt": ("A", "B"),
+    "messages_of_joints.csv": (".position[a]", ".position[b]"),
+    "topics.csv": ("a.value", "b.value"),
 }
 """What the signals are called, where not ``a`` and ``b``."""
 DAYS = {"days.csv": 1e-6, "datenum.csv": 2e-5}
@@ -224,7 +264,7 @@ def test_numbers_that_stand_for_none_are_missing_samples(code: str, tmp_path: Pa
 def test_a_line_beyond_any_limit_is_refused_with_its_place(tmp_path: Path) -> None:
     file = tmp_path / "long.csv"
     rows = [f"{t},{a},{b}" for t, a, b in ROWS]
-    file.write_text("\n".join(["t,a,b", *rows[:20], "x" * 140_000, *rows[20:]]) + "\n")
+    file.write_text("\n".join(["t,a,b", *rows[:20], "1" * 140_000, *rows[20:]]) + "\n")
     with pytest.raises(RecordError, match=r"row 21 \(line 22\) has 1 cells, the header 3 columns"):
         read_record(file)
 
@@ -258,9 +298,12 @@ def test_one_field_after_the_other_of_a_data_base(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.t, 0.05 * np.arange(30), atol=1e-9)
     for f, name in enumerate(("voltage", "speed")):
         np.testing.assert_allclose(found.signals[f"{name}._value"].values, f + 0.1 * np.arange(30), atol=1e-12)
-    cut = tmp_path / "cut.csv"  # of another length: runs, or text that is left out, but nothing is mixed
+    cut = tmp_path / "cut.csv"  # of another length: each with its own stamps
     cut.write_text("\n".join([*head, *body[:-3]]) + "\n", encoding="utf-8")
-    assert "voltage._value" not in read_record(cut).signals
+    for f, (name, count) in enumerate((("voltage", 30), ("speed", 27))):
+        values = read_record(cut).signals[f"{name}._value"].values
+        np.testing.assert_allclose(values[:count], f + 0.1 * np.arange(count), atol=1e-12)
+        assert np.isnan(values[count:]).all()
 
 
 def test_two_columns_of_one_name_that_differ_are_a_question(tmp_path: Path) -> None:
@@ -341,3 +384,84 @@ def test_files_of_other_kinds_are_told_what_makes_a_record_of_them(name: str, wa
     (tmp_path / name).write_bytes(b"\0")
     with pytest.raises(RecordError, match=way):
         read_record(tmp_path / name)
+
+
+def test_topics_with_stamps_of_their_own(tmp_path: Path) -> None:
+    """Each is a series of its own, in whatever order the blocks stand."""
+    file = tmp_path / "plot.csv"
+    other = [(t + 0.002, b) for t, _, b in ROWS]
+    rows = [f"{t},motor.a,{a}" for t, a, _ in ROWS] + [f"{t},b,{b}" for t, b in other]
+    file.write_text("\n".join(["elapsed time,topic,value", *rows]) + "\n")
+    record = read_record(file)
+    np.testing.assert_allclose(record.series["b.value"].t, [t for t, _ in other], atol=1e-9)
+    np.testing.assert_allclose(record.series["motor.a.value"].values, [a for _, a, _ in ROWS], atol=1e-9)
+
+
+def test_a_column_of_words_beside_values_names_none(tmp_path: Path) -> None:
+    file = tmp_path / "run.csv"
+    file.write_text("t,state,a\n" + "\n".join(f"{t},{'on' if a > 1 else 'off'},{a}" for t, a, _ in ROWS))
+    assert list(read_record(file).signals) == ["a"]
+
+
+@pytest.mark.parametrize(
+    ("head", "row", "asked"),
+    [
+        ("time_us,a", lambda t: f"{0.1 * t:.5f}", r"states us, in which its steps would be 5e-10 s: is it in s\?"),
+        ("Time_ms,a,TimeString", lambda t: f"{86.4 * t}", r"'Time_ms' goes on by .*'TimeString' by 117 s"),
+        ("time_min,a,stamp_ms", lambda t: f"{600 * t}", r"goes on by .* say which is right"),
+    ],
+)
+def test_a_clock_that_another_one_or_its_own_steps_belie_is_asked_for(head, row, asked, tmp_path) -> None:
+    """What is said of the time is taken as it is said."""
+    file, model = tmp_path / "run.csv", Model.load("dc_motor")
+    beside = {"TimeString": lambda t: f",30.11.2021 10:{int(10 * t):02d}:{round(600 * t) % 60:02d}"}
+    beside["stamp_ms"] = lambda t: f",{round(1e3 * t)}"
+    last = beside.get(head.split(",")[-1], lambda t: "")
+    file.write_text("\n".join([head, *(f"{row(t)},{a}{last(t)}" for t, a, _ in ROWS)]) + "\n")
+    signals = {"voltage": "0", "current": "a"}
+    with pytest.raises(RecordError, match=asked):
+        read_for_model(file, model, signals)
+    time = head.split(",")[0]
+    assert len(read_for_model(file, model, {**signals, "t": f"{time} [s]"})) == 40
+
+
+def test_clocks_that_run_at_other_rates_are_no_other_units(tmp_path: Path) -> None:
+    """A simulator's time is slower than the calendar's."""
+    file = tmp_path / "run.csv"
+    rows = [f"{t},{1719000000000 + round(3e3 * t)},{a}" for t, a, _ in ROWS]
+    file.write_text("\n".join(["time [s],timestamp_ms,a", *rows]) + "\n")
+    np.testing.assert_allclose(read_record(file).t, [t for t, _, _ in ROWS])
+
+
+def test_which_time_is_taken_is_told(tmp_path: Path) -> None:
+    file = tmp_path / "run.csv"
+    file.write_text("sensor_time [ms],motor_time [ms],a\n" + "\n".join(f"{1e3 * t},{2e3 * t},{a}" for t, a, _ in ROWS))
+    record = read_record(file)
+    assert "'sensor_time [ms]' is taken for it" in str(record.notes[0])
+    assert "so does 'motor_time [ms]': --signal t=COLUMN takes another one" in str(record.notes[0])
+    np.testing.assert_allclose(read_record(file, {"t": "motor_time"}).t, [2 * t for t, _, _ in ROWS])
+
+
+def test_rows_with_a_fault_are_no_messages(tmp_path: Path) -> None:
+    file = tmp_path / "run.csv"
+    rows = [f"{t},{a},{b}" for t, a, b in ROWS]
+    file.write_text("\n".join(["t,a,b", *rows[:9], "0.0425,1", *rows[9:]]) + "\n")
+    with pytest.raises(RecordError, match=r"row 10 \(line 11\) has 2 cells, the header 3 columns"):
+        read_record(file)
+
+
+def test_a_restart_in_the_middle_is_a_run_of_its_own(tmp_path: Path) -> None:
+    file = tmp_path / "serial.log"
+    rows = "\n".join(f"{t},{a},{b}" for t, a, b in ROWS)
+    file.write_text(f"t,a,b\n{rows}\n0.2,4.1\nets Jun  8 2016 00:22:57\n\nrst:0x1 (POWERON_RESET),boot:0x13\n{rows}\n")
+    runs = read_records(file)
+    assert [len(run) for run in runs] == [40, 40]
+    assert any(
+        "3 lines among the rows are no rows and left out, the first (line 42) '0.2,4.1'" in n for n in runs[0].notes
+    )
+
+
+def test_a_file_of_another_kind_that_is_no_text_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "run.rec").write_bytes(b"RIFF\x00\x00\x01\x02")
+    with pytest.raises(RecordError, match=r"unknown kind '\.rec'"):
+        read_record(tmp_path / "run.rec")

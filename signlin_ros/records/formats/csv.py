@@ -23,7 +23,7 @@ from signlin_ros.errors import RecordError
 from signlin_ros.files import TEXT
 from signlin_ros.records import limits
 from signlin_ros.records.clean import Keep, RawTable
-from signlin_ros.records.formats.cells import EMPTY_CELLS, GROUPED, MEASURED, is_number, opened, shortened
+from signlin_ros.records.formats.cells import EMPTY_CELLS, GROUPED, MEASURED, is_number, is_value, opened, shortened
 from signlin_ros.records.formats.echo import joint_states, messages
 from signlin_ros.records.formats.encodings import decoded
 from signlin_ros.records.formats.layout import Layout, by_number, labelled, layout
@@ -236,7 +236,7 @@ def _careful(text: _Text, headings: list[Heading], keep: Keep) -> RawTable:
     if len(rows) != len(shape.body):
         raise RecordError(f"{shape.source}: a quoted cell runs over the end of its line")
     _check_widths(shape, text.rows, rows)
-    chosen, columns, notes = [], [], [*shape.notes, *text.notes]
+    chosen, columns, notes, dated = [], [], [*shape.notes, *text.notes], dict[str, Array]()
     untimed = clock(headings) is None
     for i, (head, column_cells) in enumerate(zip(headings, zip(*rows, strict=True), strict=True)):
         if not head.label and not any(column_cells):
@@ -244,10 +244,12 @@ def _careful(text: _Text, headings: list[Heading], keep: Keep) -> RawTable:
         told, column = _column(text, i, head, column_cells, keep(head, headings), untimed, notes)
         if column is None:
             notes.append(Note(f"column {head.label!r} holds text and is left out", "left_out", head.label))
+            found = times_of_day(column_cells) if is_value(column_cells[0]) else None
+            dated |= {} if found is None else {head.label: found.seconds}
             continue
         chosen.append(told)
         columns.append(column)
-    return RawTable(shape.source, chosen, columns, text.rows, tuple(notes))
+    return RawTable(shape.source, chosen, columns, text.rows, tuple(notes), dated=dated)
 
 
 def _rows(shape: Layout) -> list[list[str]]:

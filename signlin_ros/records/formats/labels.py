@@ -11,6 +11,8 @@ import json
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -25,15 +27,15 @@ Labelled = dict[str, tuple[float, str]]
 
 _LABELLED = re.compile(
     r"\s*(?P<name>[A-Za-z_][\w./\[\]]*)\s*[:=]\s*"
-    r"(?P<value>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf|ovf)\b)"
+    r"(?P<value>[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf|ovf)\b)"
     r"\s*(?P<unit>(?:[A-Za-zµ°%/]+(?=[,;\s]|\Z))(?!\s*[:=]))?\s*"
 )
 _PART = re.compile(
-    r"\s*(?P<name>[^\W\d][^:=,;]*?)\s*[:=]\s*(?P<value>[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf|ovf)\b)"
+    r"\s*(?P<name>[^\W\d][^:=,;]*?)\s*[:=]\s*(?P<value>[-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf|ovf)\b)"
     r"\s*(?P<unit>[^\s\d:=][^\s:=]*)?\s*"
 )
 """A label with blanks, a value and a unit, between marks: ``Motor speed: 12.5 rpm``."""
-_FIRST = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)[,;\s]+(?=[A-Za-z_])")
+_FIRST = re.compile(r"\s*([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)[,;\s]+(?=[A-Za-z_])")
 _PREFIX = re.compile(
     r"\s*(?:\[[A-Z]+\]\s*\[(?P<seconds>\d+\.\d+)\](?:\s*\[[^\]]*\])?:?"
     r"|\[?(?:(?P<day>\d{4}-\d\d-\d\d)[ T])?(?P<hour>\d\d):(?P<minute>\d\d):(?P<second>\d\d[.,]\d+)\]?"
@@ -42,11 +44,17 @@ _PREFIX = re.compile(
 """What ROS, a serial monitor or a program's log puts in front of a line: ``[INFO] [1719000000.5] [node]: ``,
 ``10:05:03.125 -> ``, ``2024-07-01 10:05:03,125 - INFO - ``.
 """
-_NUMBER = r"(?:[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?nan)"
+_NUMBER = r"(?:[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?|[-+]?nan)"
 _VALUES = re.compile(rf"{_NUMBER}(?:(?:\s*[,;\t]\s*| +){_NUMBER})*")
 ENDS_OF_PREFIX = (">", "|", ":", "-", "]")
 """What stands between a stamp in front of a line and its values: else it is a cell of a table."""
+_MEMBER = re.compile(r"<(?:\w+\.)*(\w+): [^<>]*>")
+_WRAPPED = re.compile(r"\bnp\.\w+\(([^()]*)\)")
+_PYTHON = re.compile(r"\b(?:True|False|None|nan|inf)\b")
+"""How Python shows the member of an enumeration, a number of NumPy's, and what JSON writes otherwise."""
 _PAIRS = re.compile(r"[,;\s]*")
+LONGEST_LABELLED = 200
+"""Characters of a line of one label and its value."""
 LABEL_LINES = 50
 """Lines that tell whether values have labels."""
 
@@ -97,6 +105,29 @@ def stamped(text: str) -> tuple[str, Note] | None:
     lost = len(lines) - len(rows) - len(named)
     said = "values behind the stamps of a monitor or a log" + (f"; {lost} other lines are left out" if lost else "")
     return "\n".join([f"t{mark}{head}", *body]) + "\n", Note(said, "format")
+
+
+def blocks(text: str) -> tuple[str, Note] | None:
+    """Return lines of one label with a value each, ``Bus Voltage:  12.1 V``, as rows that end where a label returns;
+    None where they are none.
+    """
+    lines = [line for line in text.split("\n") if line.strip()]
+    if any(len(line) > LONGEST_LABELLED for line in lines[:LABEL_LINES]):
+        return None
+    looked = [_PART.fullmatch(line) for line in lines[:LABEL_LINES]]
+    labels = Counter(match["name"] for match in looked if match)
+    if sum(labels.values()) < 0.8 * len(looked) or len(labels) < 2 or max(labels.values()) < 2 or "---" in lines:
+        return None
+    rows: list[dict[str, str]] = []
+    for match in (_PART.fullmatch(line[:LONGEST_LABELLED]) for line in lines):
+        if match is not None and (not rows or match["name"] in rows[-1]):
+            rows.append({})
+        if match is not None:
+            rows[-1][match["name"]] = match[0].strip()
+    found = labelled("\n".join(";".join(row.values()) for row in rows) + "\n")
+    if found is None:
+        return None
+    return found[0], Note(f"a line for each value, a row wherever the first label returns; {found[1]}", "format")
 
 
 def _after(line: str) -> tuple[re.Match[str], str] | None:
@@ -173,13 +204,21 @@ def _value(cell: str) -> float:
 
 def _json(line: str) -> Labelled | None:
     prefix = _PREFIX.match(line)
-    try:
-        row = json.loads(line[prefix.end() :] if prefix else line)
-    except ValueError:
-        return None
+    row = _object(line[prefix.end() :] if prefix else line)
     stamp: Labelled = {"stamp": (_stamp(prefix), "s")} if prefix else {}
     found: Labelled = {name: (value, "") for name, value in leaves(row)} if isinstance(row, dict) else {}
     return {**stamp, **found} if found else None
+
+
+def _object(text: str) -> Any:
+    """Return what JSON, or what Python shows, ``{'t': 0.1, <Register.MODE: 0>: 10}``, holds; None of other text."""
+    with suppress(ValueError):
+        return json.loads(text)
+    text = _MEMBER.sub(r'"\1"', _WRAPPED.sub(r"\1", text.replace("'", '"')))
+    words = {"True": "true", "False": "false", "None": "null", "nan": "NaN", "inf": "Infinity"}
+    with suppress(ValueError):
+        return json.loads(_PYTHON.sub(lambda match: words[match[0]], text))
+    return None
 
 
 def table_text(header: str, columns: Iterable[Array]) -> str:
@@ -198,4 +237,4 @@ def with_unit(name: str, unit: str) -> str:
     return f"{name} [{unit}]" if unit.strip() and "[" not in name else name
 
 
-__all__ = ["header_cell", "labelled", "stamped", "table_text", "with_unit"]
+__all__ = ["blocks", "header_cell", "labelled", "stamped", "table_text", "with_unit"]

@@ -37,6 +37,8 @@ MOST_FOOT_LINES = 20
 LAYOUT_LINES_LOOKED = 200
 """So many lines at the end and as many from the start tell the layout."""
 _COMMENT = re.compile(r"\s*(?:#|//|%(?!time\b))")
+_WORDS = re.compile(r"\s*(?:[^\W\d_]|[-=*<>\[{(]{2})")
+"""How a line begins that a program prints among its rows."""
 _BY_NUMBER = re.compile(r"c\d+")
 
 
@@ -98,9 +100,12 @@ def layout(text: str, source: str) -> Layout:
     body, numbers, runs = _without_headers(
         body, numbers, header_line, lines[kept[first - 1]] if unit_row and first else None
     )
+    before = numbers
+    body, numbers, told = _without_messages(body, numbers, separator, width)
+    runs = tuple(int(np.searchsorted(numbers, before[i])) for i in runs)
     body, numbers, foot = _without_foot(lines, body, numbers, separator)
     body, numbers, cut = _without_cut(body, numbers, separator, width, ended)
-    cut = [*foot, *cut]
+    cut = [*told, *foot, *cut]
     if not body:
         raise RecordError(f"{source}: a header but no rows of data")
     header = names if names is not None else [f"c{i + 1}" for i in range(width)]
@@ -296,6 +301,42 @@ def _without_headers(
     starts = np.unique(np.cumsum(~there)[there])
     kept = np.flatnonzero(~there)
     return [body[i] for i in kept], numbers[kept], tuple(int(i) for i in starts if 0 < i < kept.size)
+
+
+def _without_messages(
+    body: list[str], numbers: Integers, separator: str, width: int
+) -> tuple[list[str], Integers, list[Note]]:
+    """The rows without lines that a program printed among them: these have another number of cells and begin with a
+    word, or hold nothing but words. A row of other cells beside one was cut off by it.
+    """
+    counts = np.array([len(line.split()) if separator == " " else line.count(separator) + 1 for line in body])
+    odd = (counts != width) & (counts != np.bincount(counts).argmax())
+    begins = np.array([bool(_WORDS.match(line)) for line in body])
+    looked = np.flatnonzero(odd | begins if 2 * begins.sum() < len(body) else odd)
+    if not looked.size or 2 * looked.size > len(body):
+        return body, numbers, []
+    messages = np.zeros(len(body), dtype=np.bool_)
+    messages[looked] = [_is_message(body[i], separator, width) for i in looked]
+    beside = np.concatenate([messages[1:], [False]]) | np.concatenate([[False], messages[:-1]])
+    gone = messages | (odd & beside)
+    if not gone.any():
+        return body, numbers, []
+    first = int(np.argmax(gone))
+    count = "1 line" if gone.sum() == 1 else f"{int(gone.sum())} lines"
+    said = (
+        f"{count} among the rows are no rows and left out, the first (line {numbers[first]}) {shortened(body[first])!r}"
+    )
+    kept = np.flatnonzero(~gone)
+    return [body[i] for i in kept], numbers[kept], [Note(said, "left_out")]
+
+
+def _is_message(line: str, separator: str, width: int) -> bool:
+    """Whether a line is no row, not even one with a fault: it begins with a word and has other cells, or only words."""
+    if opened(line, separator) is not None:
+        return False
+    row = cells(line, separator)
+    nothing = [not is_value(cell) and cell.lower() not in EMPTY_CELLS for cell in row]
+    return nothing[0] and (len(row) != width or all(nothing))
 
 
 def _without_foot(

@@ -8,7 +8,8 @@ Each is known by what stands at its beginning. What comes out is a table with na
 - TwinCAT Scope: keys and values by channel, then time and value by channel.
 - CODESYS and ctrlX traces: ``[key]; [value]``, then time and value in a block for each variable.
 - Rigol (X, CH1, ..., Start, Increment), Tektronix TDS (keys in the first columns, beside the samples).
-- ``t:0.005, u:1.2`` and ``{"t": 0.005, "m": {"u": 1.2}}``: a name before every value; ``m.u`` of objects in objects.
+- ``t:0.005, u:1.2`` and ``{"t": 0.005, "m": {"u": 1.2}}``: a name before every value, also a line for each; ``m.u`` of
+  objects in objects.
   What a monitor or a program's log puts in front of a line, ``10:05:03.125 -> ``, is its ``stamp``.
 - Tables whose cells hold lists, ``"[0.1, 0.2]"``, as data frames of robots are written: ``q[0]``, ``q[1]``.
 """
@@ -22,7 +23,8 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from signlin_ros.records.formats.labels import header_cell, labelled, stamped, table_text, with_unit
+from signlin_ros.records.formats.cells import is_number
+from signlin_ros.records.formats.labels import blocks, header_cell, labelled, stamped, table_text, with_unit
 from signlin_ros.records.header import heading
 from signlin_ros.records.notes import Note
 
@@ -38,7 +40,7 @@ _FRAMES = re.compile(
 )
 _TUPLE, LABEL_ROWS = re.compile(r"[ \t]*[(\[][^()\[\]\n]*[)\]],?[ \t]*", re.MULTILINE), 50
 """A row in brackets, as a program prints a tuple; so many of them tell."""
-_LISTS = re.compile(r'^[^"\[{]+\n(?:[^\n"]*[,;\t])?"\[\s*[-+.\d]')
+_LISTS = re.compile(r'^[^"\[{]+\n(?:[^\n]*?[,;\t])?"[\[(]\s*[-+.\d]')
 VOLTS = ("volt", "volts", "v")
 """What an oscilloscope calls what a probe shows, whatever that measures: no unit of it."""
 TICKS = 1e-7
@@ -69,7 +71,7 @@ def plain(text: str) -> Plain | None:
     if _TUPLE.match(start) and all(_TUPLE.fullmatch(line) for line in text.split("\n")[:LABEL_ROWS] if line.strip()):
         rows = [line.strip().rstrip(",")[1:-1] for line in text.split("\n") if _TUPLE.fullmatch(line)]
         return "\n".join(rows) + "\n", Note("rows in brackets", "format")
-    return labelled(text) or stamped(text)
+    return labelled(text) or stamped(text) or blocks(text)
 
 
 # -------------------------------------------------------------------- what all of them become
@@ -267,25 +269,39 @@ def _tektronix(lines: Sequence[str]) -> Plain | None:
 
 
 def _listed(text: str) -> Plain | None:
-    """Return a table some cells of which hold lists of numbers, ``"[0.1, 0.2]"``, with a column for each of these."""
+    """Return a table some cells of which hold lists of numbers, ``"[0.1, 0.2]"``, with a column for each of these,
+    called by its place or, where another cell lists as many names, ``"['elbow', 'wrist']"``, by its name.
+    """
     head, *rows = [row for row in csv.reader(text.split("\n")) if row]
     if not rows or len(rows[0]) != len(head):
         return None
-    lists = [k for k, cell in enumerate(rows[0]) if cell.strip().startswith("[")]
-    sizes = {k: len(_numbers_in(rows[0][k])) for k in lists}
-    names = [f"{name}[{i}]" if k in sizes else name for k, name in enumerate(head) for i in range(sizes.get(k, 1))]
+    lists = {k: _numbers_in(cell) for k, cell in enumerate(rows[0]) if cell.strip().startswith(("[", "("))}
+    named = next((k for k, parts in lists.items() if len(parts) > 1 and not any(map(is_number, parts))), None)
+    called = lists.pop(named) if named is not None else []
+    names = []
+    for k, name in enumerate(head):
+        if k != named:
+            by = called if len(called) == len(lists.get(k, ())) else [str(i) for i in range(len(lists.get(k, ())))]
+            names += [f"{name}[{i}]" for i in by] if k in lists else [name]
     lines = [",".join(map(header_cell, names))]
     for row in rows:
-        cells = [_numbers_in(cell) if k in sizes else [header_cell(cell)] for k, cell in enumerate(row)]
-        good = len(row) == len(head) and all(len(cells[k]) == sizes[k] for k in lists)
-        lines.append(",".join(c for cell in cells for c in cell) if good else "")
+        order = _numbers_in(row[named]) if named is not None and named < len(row) else called
+        good = len(row) == len(head) and sorted(order) == sorted(called)
+        cells = []
+        for k, cell in enumerate(row):
+            parts = _numbers_in(cell) if k in lists else [header_cell(cell)]
+            good = good and (k not in lists or len(parts) == len(lists[k]))
+            if k in lists and len(parts) == len(called) and order != called and good:
+                parts = [parts[order.index(name)] for name in called]
+            cells += parts if k != named else []
+        lines.append(",".join(cells) if good else "")
     lost = lines.count("")
     told = f"lists in cells, a column for each value: {', '.join(head[k] for k in lists)}"
     return "\n".join(lines), Note(told + (f"; {lost} rows of other lengths are left out" if lost else ""), "format")
 
 
 def _numbers_in(cell: str) -> list[str]:
-    return [part for part in re.split(r"[\s,;]+", cell.strip().strip("[]()")) if part]
+    return [part.strip("'\"") for part in re.split(r"[\s,;]+", cell.strip().strip("[]()")) if part]
 
 
 __all__ = ["plain", "raw_frames"]

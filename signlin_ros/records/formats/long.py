@@ -11,13 +11,17 @@ from numpy.typing import NDArray
 from signlin_ros.records.formats.cells import is_number
 from signlin_ros.records.formats.labels import header_cell
 from signlin_ros.records.formats.layout import Layout
-from signlin_ros.records.header import Heading, clock, heading
+from signlin_ros.records.formats.stamps import times_of_day
+from signlin_ros.records.header import Heading, clock, heading, names_a_time
 from signlin_ros.records.notes import Note
 
 Cells = NDArray[np.str_]
 
 MAX_JOINTS = 64
 """Rows that share a stamp at most."""
+NAMES = ["topic", "name", "signal", "channel", "variable", "tag", "key", "field", "varname", "sensor", "metric", "path"]
+VALUES = ("value", "val", "varvalue", "data", "reading")
+"""What the columns of names and of values are called in a table that has both."""
 GROUPS_LOOKED = 4
 """Stamps whose rows tell whether a table may be long."""
 
@@ -29,7 +33,7 @@ def widened(shape: Layout) -> Layout:
     shape = _interleaved(shape)
     place = _rows_at_a_stamp(shape)
     if place is None:
-        return shape
+        return _by_names(shape)
     at, count = place
     rows = _rows(shape, len(shape.body))
     names = None if rows is None else _names_of(rows, at, count)
@@ -54,7 +58,48 @@ def widened(shape: Layout) -> Layout:
 
 def is_long(shape: Layout) -> bool:
     """Tell whether the first rows of a table are those of a long one."""
-    return _rows_at_a_stamp(_interleaved(shape)) is not None
+    return _rows_at_a_stamp(_interleaved(shape)) is not None or _named_values(shape) is not None
+
+
+def _named_values(shape: Layout) -> tuple[int, int, int] | None:
+    """Return the columns of the time, of names and of their values in a table that says so, ``time,topic,value``."""
+    heads = [heading(label, i + 1) for i, label in enumerate(shape.header)]
+    names = [i for i, head in enumerate(heads) if head.name.lower().strip("_") in NAMES]
+    values = [i for i, head in enumerate(heads) if head.name.lower().strip("_") in VALUES]
+    timed = clock(heads) or next((head for head in heads if names_a_time(head.name)), None)
+    ok = shape.named and shape.separator != " " and not shape.runs and timed and len(names) == 1 and len(values) == 1
+    return (timed.number - 1, names[0], values[0]) if ok and timed is not None else None
+
+
+def _by_names(shape: Layout) -> Layout:
+    """Return a table with a column for each of the names in a table of times, names and values, empty where it has none
+    at a time; others as they are.
+    """
+    place = _named_values(shape)
+    rows = _rows(shape, len(shape.body)) if place is not None else None
+    if place is None or rows is None:
+        return shape
+    stamps, names, values = (rows[:, k] for k in place)
+    called, which = np.unique(names, return_inverse=True)
+    if not 1 < called.size <= MAX_JOINTS or any(map(is_number, called)):
+        return shape
+    numbers = all(map(is_number, stamps))
+    dated = None if numbers else times_of_day(stamps.tolist())
+    if not numbers and dated is None:
+        return shape
+    t = np.char.replace(stamps, ",", ".").astype(np.float64) if dated is None else dated.seconds
+    order = np.argsort(t, kind="stable")
+    stamps, which, values = stamps[order], which[order], values[order]
+    row = np.concatenate([[0], np.cumsum(stamps[1:] != stamps[:-1])])
+    wide = np.full((int(row[-1]) + 1, called.size), "", dtype=values.dtype)
+    wide[row, which] = values
+    first = np.concatenate([[True], stamps[1:] != stamps[:-1]])
+    told = shape.header[place[2]]
+    header = [shape.header[place[0]], *(f"{name}.{told}" for name in called)]
+    lines = [shape.separator.join(map(header_cell, cells)) for cells in np.column_stack([stamps[first], wide]).tolist()]
+    said = f"each row names its value: columns are called {called[0]}.{told} and so on"
+    places = shape.numbers[order][first]
+    return replace(shape, header=header, body=lines, numbers=places, notes=(*shape.notes, Note(said, "format")))
 
 
 def _interleaved(shape: Layout) -> Layout:

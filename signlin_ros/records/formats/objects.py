@@ -1,5 +1,6 @@
 """JSON that is no log of a servo: columns as lists, ``{"t": [...], "motor": {"u": [...]}}``, or rows as objects,
-``[{"t": 0.0, "motor": {"u": 1.2}}, ...]``, at any depth.
+``[{"t": 0.0, "motor": {"u": 1.2}}, ...]``, at any depth; or lists of rows without names, ``{"forward": [[0.0, 1.2]]}``,
+each a run of its own.
 """
 
 from __future__ import annotations
@@ -10,11 +11,37 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from signlin_ros.records.clean import RawTable
+from signlin_ros.records.header import heading
+from signlin_ros.records.notes import Note
+from signlin_ros.records.table import Rows
+
 
 def arrays(content: Any) -> dict[str, Any]:
     """Return what is in it as named arrays, objects as mappings; what holds no numbers as text."""
     found = _value(content)
     return dict(found) if isinstance(found, Mapping) else {"data": found}
+
+
+def rows_without_names(content: Any, source: str) -> RawTable | None:
+    """Return lists of rows of equally many numbers, the first of which rises, as a table of columns ``c1``, ``c2``, a
+    run for each list; None where there are none, or lists of another kind.
+    """
+    lists = content if isinstance(content, Mapping) else {"data": content}
+    found = {str(name): _value(rows) for name, rows in lists.items() if isinstance(rows, list) and rows}
+    if not found or any(isinstance(a, Mapping) or a.ndim != 2 or a.dtype.kind != "f" for a in found.values()):
+        return None
+    widths = {array.shape[1] for array in found.values()}
+    if len(widths) > 1 or min(widths) < 2 or not all((np.diff(array[:, 0]) > 0).all() for array in found.values()):
+        return None
+    table = np.concatenate(list(found.values()))
+    starts = np.cumsum([len(array) for array in found.values()])[:-1].tolist()
+    called = f"rows of numbers without names: the columns are called c1 to c{table.shape[1]}"
+    runs = f"; a run for each of {', '.join(found)}" if starts else ""
+    heads = [heading(f"c{k + 1}", k + 1) for k in range(table.shape[1])]
+    rows = Rows(np.arange(1, len(table) + 1))
+    columns = list(np.ascontiguousarray(table.T))
+    return RawTable(source, heads, columns, rows, (Note(called + runs, "format"),), named=False, runs=tuple(starts))
 
 
 def _value(content: Any) -> Any:
@@ -48,4 +75,4 @@ def leaves(value: Any, name: str = "") -> Iterator[tuple[str, float]]:
         yield name, float(value)
 
 
-__all__ = ["arrays", "leaves"]
+__all__ = ["arrays", "leaves", "rows_without_names"]

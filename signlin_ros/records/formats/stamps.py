@@ -11,9 +11,10 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 
-_DATE = r"(?:(?P<first>\d{1,4})(?P<mark>[-/.])(?P<second>\d{1,2})(?P=mark)(?P<third>\d{1,4})[T ]\s*)?"
+_DATE = r"(?:(?P<first>\d{1,4})(?P<mark>[-/.])(?P<second>\d{1,2})(?P=mark)(?P<third>\d{1,4})(?:[T /_-]|,\s)\s*)?"
 _CLOCK = (
-    r"(?P<hour>\d{1,3}):(?P<minute>\d\d)(?::(?P<second_of>\d\d)(?:[.,;](?P<part>\d+))?|(?:[.,](?P<minutes_part>\d+)))?"
+    r"(?P<hour>\d{1,3}):(?P<minute>\d\d?(?=:)|\d\d)"
+    r"(?::(?P<second_of>\d\d?)(?:[.,;](?P<part>\d+))?|(?:[.,](?P<minutes_part>\d+)))?"
 )
 _ELAPSED = r"(?:(?P<days>\d+) days? )?"
 _REST = r"\s*(?P<half>[AaPp][Mm])?\s*(?P<zone>Z|UTC|[-+]\d\d:?\d\d)?"
@@ -48,8 +49,8 @@ def times_of_day(cells: Sequence[str]) -> StampTimes | None:
     """Dates and times, or times of day, as seconds since the first; None where any cell is neither.
 
     ISO 8601 (with or without a zone), ``09.11.2025 09:27:03,010``, ``11/9/2025 9:27:03 PM``, ``27:03.5`` (minutes and
-    seconds), ``09:27:03;010``, ``0 days 00:00:01.5`` (elapsed). Where a time of day has no date, one that falls by half
-    a day or more begins the next day.
+    seconds), ``09:27:03;010``, ``9:7:3`` (no zeros in front), ``0 days 00:00:01.5`` (elapsed). Where a time of day has
+    no date, one that falls by half a day or more begins the next day.
     """
     found = _STAMP.findall("\n".join(cells))
     if len(found) != len(cells) or not found:
