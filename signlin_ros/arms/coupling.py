@@ -1,8 +1,8 @@
 """Couplings that the model does not know: a motor that turns with the next joint too, its friction on both.
 
 The efforts of a record are those of the joints, or those of the motors: then a joint's effort is that of its own motor
-with that of the other one. Either way efforts u become T^T u with det T = 1, so that likelihoods of unseen rows tell
-one coupling from another, and from none.   [Vuong, Econometrica 57(2), 1989]
+with that of the other one, T^T u of efforts u. Likelihoods of unseen rows, with the logarithm of det T for each sample,
+tell one coupling from another, and from none.   [Vuong, Econometrica 57(2), 1989]
 """
 
 from __future__ import annotations
@@ -86,7 +86,9 @@ def find_coupling_of_efforts(
         design, change = _with(state, estimate.design, j, changed), np.asarray(np.linalg.solve(before, changed))
         rows = state.rows.of_motors(change), state.new.of_motors(change)
         trials = [fit(d, *both) for d, both in _two_ways(design, rows)]
-        worth, errors = _likelier(base, trials)
+        size = np.zeros(state.robot.n)
+        size[[i, j]] = 0.5 * np.log(abs(np.linalg.det(change)))
+        worth, errors = _likelier(base, trials, size)
         if errors < needed or (best is not None and worth <= best.worth):
             continue
         if _both_gain(1.0 - _squares(trials) / _squares(base), i, j):
@@ -140,11 +142,17 @@ def _two_ways(
     yield design.swapped(), (both[1], both[0])
 
 
-def _likelier(base: list[CoefficientEstimate], trials: list[CoefficientEstimate]) -> tuple[float, float]:
-    """Return by how much unseen rows are likelier by some fits than by others, in all and in standard errors."""
+def _likelier(
+    base: list[CoefficientEstimate], trials: list[CoefficientEstimate], size: Array | float = 0.0
+) -> tuple[float, float]:
+    """Return by how much unseen rows are likelier by some fits than by others, in all and in standard errors.
+
+    size : (n,) logarithm of how much larger the joints' efforts are in the trials.
+    """
     sums = []
     for before, after in zip(base, trials, strict=True):
         gain = _log_likelihood(after) - _log_likelihood(before)
+        gain += np.broadcast_to(size, before.new.n)[before.new.joint]
         sums.append(np.bincount(before.new.block, gain)[np.unique(before.new.block)])
     gains = np.concatenate(sums)
     spread = float(np.std(gains)) * np.sqrt(gains.size)

@@ -418,7 +418,7 @@ def _whys(diagnosis: ArmDiagnosis) -> list[tuple[int, str]]:
 
 
 def _robot(diagnosis: ArmDiagnosis, told: Sequence[tuple[int, str]]) -> str:
-    said = [f"{a} and {b} are coupled: one motor turns with both{_whose(diagnosis, a)}" for a, b in diagnosis.couplings]
+    said = [f"{a} and {b} are coupled: {_turning(diagnosis, a, b)}" for a, b in diagnosis.couplings]
     said += [why for at, why in told if at < 0]
     if diagnosis.only_payload and diagnosis.payload:
         said.append(payload_alone(diagnosis))
@@ -429,10 +429,13 @@ def _robot(diagnosis: ArmDiagnosis, told: Sequence[tuple[int, str]]) -> str:
     return "; ".join([*said, *far])
 
 
-def _whose(diagnosis: ArmDiagnosis, joint: str) -> str:
-    """Return of what the efforts of a coupling are that was found."""
-    study = diagnosis.comparison.study
-    return ", and their efforts are the motors'" * study.model.arm_plant.at_motor[study.names.index(joint)]
+def _turning(diagnosis: ArmDiagnosis, a: str, b: str) -> str:
+    """Return which motors turn with both joints of a coupling that was found, and whose efforts are recorded."""
+    study, proposed = diagnosis.comparison.study, diagnosis.proposal.model.arm_plant
+    i, j = (study.names.index(name) for name in (a, b))
+    both = proposed.motors[i, j] != 0.0 and proposed.motors[j, i] != 0.0
+    said = "both motors turn with both" if both else "one motor turns with both"
+    return f"{said}, and their efforts are the motors'" if study.model.arm_plant.at_motor[i] else said
 
 
 CANNOT = (

@@ -230,7 +230,7 @@ def diagnose(
     progress(f"windows of {WINDOW:g} s")
     told = replace(_witnessed(told), detectable=detectable(told.state, told.estimate))
     told = told_with(told, before)
-    return replace(told, couplings=(*coupled, *told.couplings))
+    return replace(told, couplings=tuple(dict.fromkeys([*coupled, *told.couplings])))
 
 
 def _at_joints(comparison: ArmComparison, progress: Progress) -> tuple[ArmComparison, list[tuple[str, str]]]:

@@ -239,10 +239,14 @@ def test_a_coupling_that_the_file_does_not_have_is_named_on_both_joints():
     assert found.proposal.model.arm_plant.motors[2].tolist() == [0.0, 1.0, 1.0]
 
 
-@pytest.mark.parametrize("chain", [False, True])
-def test_efforts_of_motors_that_turn_several_joints_are_told_as_such(chain, tmp_path):
-    """A palletiser: rods hold the elbow's motor to the base; its shoulder's motor turns with the waist, too, or not."""
-    P = np.array([[1.0, 0.0, 0.0], [float(chain), 1.0, 0.0], [0.0, 1.0, 1.0]])
+@pytest.mark.parametrize(
+    ("chain", "geared", "said"),
+    [(0.0, 0.0, "one motor turns with both"), (1.0, 0.0, "one motor"), (0.0, -1.0, "both motors turn with both")],
+    ids=["palletiser", "two rods", "differential"],
+)
+def test_efforts_of_motors_that_turn_several_joints_are_told_as_such(chain, geared, said):
+    """Rods hold the elbow's motor to the base, the shoulder's motor turns with the waist, too, or with the elbow."""
+    P = np.array([[1.0, 0.0, 0.0], [chain, 1.0, geared], [0.0, 1.0, 1.0]])
     couplings = {"rods": {"joints": list(MODEL.robot.names), "position": P.ravel().tolist()}}
     truth = Model.from_dict({**TRUE.to_dict(), "couplings": couplings})
     at_motors = [replace(one, tau=one.tau @ np.linalg.inv(P)) for one in (run(truth, 8), run(truth, 9))]
@@ -252,9 +256,10 @@ def test_efforts_of_motors_that_turn_several_joints_are_told_as_such(chain, tmp_
     assert named(found) == {}
     proposed = found.proposal.model
     assert proposed.arm_plant.motors.tolist() == P.tolist()
-    assert proposed.arm_plant.at_motor == (chain, True, True)
+    assert proposed.arm_plant.at_motor == (bool(chain), True, True)
     content = diagnosed_json(found, "", "", [])
     assert len(content["robot"]["couplings"]) == 1
+    assert said in sentences(found)[-1]
     assert "and their efforts are the motors'" in sentences(found)[-1]
     written_ = Model.from_dict(proposed.to_dict())
     again = diagnose(written_, [replace(one, tau=one.tau @ P) for one in at_motors[:1]], [run(truth, 9)], BAND)
