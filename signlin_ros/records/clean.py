@@ -62,7 +62,7 @@ class RawTable:
     ``named``: whether the file names them; ``runs``: rows before which its header returned; ``exact``: columns of whole
     numbers that doubles do not hold, by label; ``step``: name and value of a sampling time in s that the file states;
     ``fields``: numbers that it states of all of it; ``dated``: what columns of dates that are left out say, (R,) s from
-    the first row, by label.
+    the first row, by label; ``words``: what columns say that hold one word throughout, by label.
     """
 
     source: str
@@ -76,6 +76,7 @@ class RawTable:
     step: tuple[str, float] | None = None
     fields: Mapping[str, float] = field(default_factory=dict)
     dated: Mapping[str, Array] = field(default_factory=dict)
+    words: Mapping[str, str] = field(default_factory=dict)
 
     def take(self, index: npt.NDArray[np.intp] | npt.NDArray[np.bool_], *notes: Note) -> RawTable:
         """The rows at `index`, an index array or a mask, with further notes."""
@@ -138,7 +139,8 @@ def _record(table: RawTable, times: Times, t: Array, keep: Keep) -> Record:
     found = _signals(table)
     signals = {key: signal for key, signal in found.items() if signal.label not in times.used}
     clocks = {key: signal for key, signal in found.items() if signal.label in times.used}
-    return sparse(Record(t, signals, table.source, notes, table.rows, clocks=clocks, fields=table.fields))
+    fields, words = table.fields, table.words
+    return sparse(Record(t, signals, table.source, notes, table.rows, clocks=clocks, fields=fields, words=words))
 
 
 def _check_stamps(table: RawTable, times: Times) -> None:

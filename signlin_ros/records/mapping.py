@@ -17,7 +17,7 @@ from signlin_ros.records.align import align, named
 from signlin_ros.records.conditions import apart, conditions_of, parameters_of
 from signlin_ros.records.converted import converted
 from signlin_ros.records.formulas import by_number, constant, made, sole
-from signlin_ros.records.header import TIME_KEYS
+from signlin_ros.records.header import TIME_KEYS, heading
 from signlin_ros.records.inputs import check_inputs, with_inputs
 from signlin_ros.records.notes import Note, as_notes
 from signlin_ros.records.slope import held_slope, slope
@@ -29,6 +29,14 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 ALIASES = ("position", "velocity", "effort")
+_JOINT_WORDS = {
+    "position": ("position", "pos", "angle", "q"),
+    "velocity": ("velocity", "vel", "speed", "qd", "dq"),
+    "effort": ("effort", "torque", "tau"),
+}
+"""What is behind the name of a joint in a table of several."""
+_NAME_OF = re.compile(r"(?P<stem>.*?)name(?P<number>_?\d+|\[\d+\])\Z")
+"""The label of a column that names the joint of those with the same number."""
 _DEFAULT_TOPIC = re.compile(r"(?P<topic>(?:/\w+)*/(?P<role>state|input))\.data\[(?P<index>\d+)\]\Z")
 
 
@@ -233,10 +241,14 @@ def _chosen(
     idle = {name: why for name, why in model.plant.sometimes.items() if name in model.signals and name not in every}
     notes = [Note(f"{model.signals[name]!r} is not used: {why}", "left_out", name) for name, why in idle.items()]
     claimed = {sole(columns, key) for key in (*own.values(), *given.values())}
+    joints = dict[str, str]()
     for name in names:
         key = given.get(name) or own.get(name)
         if key is None:
-            found = record.find(name, further=False) or _of_joint(record, name) or _default(record, model, name, notes)
+            found = record.find(name, further=False)
+            of_joint = None if found else _of_joint(record, name)
+            joints |= {name: of_joint} if of_joint and not record.series else {}  # a bag says itself whose it is
+            found = found or of_joint or _default(record, model, name, notes)
             key = found if found not in claimed else None  # a column that is said to be something else is that
         if key is not None:
             chosen[name] = key
@@ -257,7 +269,7 @@ def _chosen(
         if found is not None and found not in chosen.values():
             chosen[target] = found
     _check_once(columns, chosen)
-    return record, chosen, notes, why_not
+    return record, chosen, [*notes, *_told_joints(record, joints)], why_not
 
 
 def _check_once(record: Record, chosen: Mapping[str, str]) -> None:
@@ -324,11 +336,36 @@ def _name(model: Model, key: str, spec: str, strict: bool) -> str | None:
 
 
 def _of_joint(record: Record, name: str) -> str | None:
-    """The key of ``elbow.position`` in a JointState, ``/joint_states.position[elbow]``, where one topic has it."""
+    """The key of ``elbow.position`` in a JointState: ``/joint_states.position[elbow]``,
+    ``/joint_states/elbow/position``, ``position_1`` beside ``name_1`` that says ``elbow`` throughout; or in a table of
+    joints, ``elbow_pos``. Where one column has it.
+    """
     joint, _, quantity = name.rpartition(".")
-    end = f".{quantity}[{joint}]"
-    found = [key for key, label in record.labels.items() if joint and label.endswith(end)]
-    return found[0] if len(found) == 1 else None
+    if not joint:
+        return None
+    numbered = {
+        f"{match['stem']}{quantity}{match['number']}"
+        for label, word in record.words.items()
+        if word == joint and (match := _NAME_OF.match(label))
+    }
+    ends = (f".{quantity}[{joint}]", f"/{joint}/{quantity}")
+    words = {f"{joint}{mark}{word}".lower() for mark in ("_", "/", " ", "-") for word in _JOINT_WORDS.get(quantity, ())}
+    labels = record.labels
+    for found in (
+        [key for key, label in labels.items() if label.endswith(ends)],
+        [key for key, label in labels.items() if label in numbered],
+        [key for key, label in labels.items() if heading(label).name.lower() in words],
+    ):
+        if found:
+            return found[0] if len(found) == 1 else None
+    return None
+
+
+def _told_joints(record: Record, found: Mapping[str, str]) -> list[Note]:
+    """What is said of signals of joints that are called otherwise in the record."""
+    pairs = [f"{name} is {record.labels[key]!r}" for name, key in found.items()]
+    more = f" and {len(pairs) - 3} more" if len(pairs) > 3 else ""
+    return [Note(f"found by the joints' names: {', '.join(pairs[:3])}{more}", "assumed")] if pairs else []
 
 
 def _default(record: Record, model: Model, name: str, notes: list[Note]) -> str | None:

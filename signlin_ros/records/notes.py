@@ -8,7 +8,7 @@ kind           what was done or noticed
 sorted         late rows or messages were put in their place
 cut            a clock that jumped back, or a header that returned: the file holds several runs
 repeated       rows or messages that were there twice were dropped
-truncated      a last line that was cut off was dropped
+truncated      a last line that was cut off, or lines that are no rows, were dropped
 left_out       a column or topic is not used: text, infinite values, another length
 converted      a unit other than the model's was converted
 assumed        what the file did not say was taken as said here (a unit, an order, a missing input as 0)

@@ -128,7 +128,8 @@ class Record:
         aligns them anew, knowing the inputs. alignment : those of `notes` that tell how the series were put on
         one time base. acts : (T,) s, from when the held ones of a bag's signals act; None: from their own
         sample on. clocks : the columns of which t was made, as they stand: no signals, but formulas may use them.
-        fields : numbers that the file states of the whole record, by name: known conditions.
+        fields : numbers that the file states of the whole record, by name: known conditions. words : what columns
+        say that hold one word throughout, by label: names of joints.
     """
 
     t: Array
@@ -141,6 +142,7 @@ class Record:
     acts: Array | None = field(default=None, repr=False)
     clocks: dict[str, Signal] = field(default_factory=dict, repr=False)
     fields: Mapping[str, float] = field(default_factory=dict)
+    words: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "t", frozen(self.t))

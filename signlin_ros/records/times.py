@@ -162,8 +162,10 @@ def _counts(table: RawTable, head: Heading) -> bool:
         parsed = units.parse(head.name if alone else head.unit)
         if parsed is None or parsed[1] != (0, 0, 1, 0, 0, 0):
             return False
-    rises = np.diff(column) > 0
-    return bool(rises.all() if alone and head.name == _ALSO_A_SPEED else rises.mean() > 0.9)
+    steps = np.diff(column)
+    if alone and head.name == _ALSO_A_SPEED:
+        return bool((steps > 0).all())
+    return bool((steps >= 0).mean() > 0.9 and (steps > 0).mean() > MIN_RISING)
 
 
 def _taken(table: RawTable, timed: Sequence[Heading]) -> Times:
@@ -175,7 +177,7 @@ def _taken(table: RawTable, timed: Sequence[Heading]) -> Times:
     if others:
         names = ", ".join(repr(head.label) for head in others)
         said += f"; so {'does' if len(others) == 1 else 'do'} {names}: --signal t=COLUMN takes another one"
-    return replace(times, notes=(Note(said, "clock", "t"), *times.notes))
+    return replace(times, notes=(Note(said, "assumed", "t"), *times.notes))
 
 
 def _finer(table: RawTable, best: Heading) -> Times:
@@ -191,12 +193,12 @@ def _finer(table: RawTable, best: Heading) -> Times:
         if (head.time is not None or _counts(table, head)) and (np.diff(column) > 0).all():
             said = f"rows share stamps of {best.label!r}: the time is {head.label!r}, which tells them apart"
             found = _column(table, head, head.time[1] if head.time is not None else head.unit or head.name)
-            return replace(found, notes=(Note(said, "clock", "t"), *found.notes))
+            return replace(found, notes=(Note(said, "assumed", "t"), *found.notes))
     for head, column in others:
         if _PARTS.match(head.name) and column.min() >= 0.0 and column.max() < 1000.0:
             t = times.t - (times.t[0] if times.t[0] > CALENDAR else 0.0) + 1e-3 * column
             if (np.diff(t) > 0).all():
-                note = Note(f"the ms in {head.label!r} are added to the time in {best.label!r}", "clock", "t")
+                note = Note(f"the ms in {head.label!r} are added to the time in {best.label!r}", "assumed", "t")
                 return replace(times, t=t, used=times.used | {head.label}, notes=(*times.notes, note))
     return times
 
@@ -217,7 +219,7 @@ def _by_steps(table: RawTable, head: Heading) -> Times | None:
         return None
     t = np.cumsum(column * how[0])
     said = f"no time column: it is summed up from the steps in {head.label!r}"
-    return Times(t - t[0], head.label, frozenset({head.label}), (Note(said, "clock", "t"), *_asked(head, t)))
+    return Times(t - t[0], head.label, frozenset({head.label}), (Note(said, "assumed", "t"), *_asked(head, t)))
 
 
 def _as_said(table: RawTable, spec: str) -> Times:
@@ -378,6 +380,8 @@ SLOW_STEPS = ((1e5, "ns"), (500.0, "us"), (0.5, "ms"))
 """Steps in s from which on a time without a unit is rather in another one."""
 
 
+MIN_RISING = 0.2
+"""Part of the rows at which a time goes on at least: several may share a stamp."""
 MIN_TICKS, CLOCKS_APART = 5.0, 10.0
 """A clock has gone on by so many of its steps before it is held against another, and by which factor two differ that
 are not in the units taken: a simulator's time and the calendar's may differ, too.

@@ -99,3 +99,57 @@ def test_the_way_out_is_that_of_an_arm(tmp_path):
     (tmp_path / "less.csv").write_text(text.replace("elbow.effort", "gripper.effort"))
     with pytest.raises(RecordError, match="leave elbow out of joints"):
         read_data(MODEL, [str(tmp_path / "less.csv")], {})
+
+
+def as_called(called, names=(), order=ORDER):
+    """Return a CSV of three quantities for each joint, called by joint, quantity and place; ``names`` (head, word)
+    stand in front of every row.
+    """
+    quantities = (("position", Q), ("velocity", V), ("effort", U))
+    head = [
+        "time",
+        *(one for one, _ in names),
+        *(called(NAMES[i], w, k) for w, _ in quantities for k, i in enumerate(order)),
+    ]
+    words = [word for _, word in names]
+    rows = [
+        ",".join([f"{t:.3f}", *words, *(f"{x[row, i]:.9g}" for _, x in quantities for i in order)])
+        for row, t in enumerate(T)
+    ]
+    return "\n".join([",".join(head), *rows]) + "\n"
+
+
+SHORT = {"position": "pos", "velocity": "vel", "effort": "torque"}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        as_called(lambda joint, what, k: f"/joint_states/{joint}/{what}"),
+        as_called(lambda joint, what, k: f"{joint}_{SHORT[what]}"),
+        as_called(lambda joint, what, k: f"{what}_{k}", [(f"name_{k}", NAMES[i]) for k, i in enumerate(ORDER)]),
+        as_called(
+            lambda joint, what, k: f"field.{what}{k}", [(f"field.name{k}", NAMES[i]) for k, i in enumerate(ORDER)]
+        ),
+    ],
+    ids=["PlotJuggler", "short names", "bagpy", "rostopic echo -p"],
+)
+def test_joints_are_found_however_a_table_calls_them_and_it_is_told(text, tmp_path):
+    file = tmp_path / "run.csv"
+    file.write_text(text)
+    run = runs(file)
+    for found, right in ((run.q, Q), (run.v, V), (run.tau, U)):
+        np.testing.assert_allclose(found, right, rtol=1e-8)
+    (data,) = read_data(MODEL, [str(file)], {})
+    assert any("found by the joints' names" in note and f"{NAMES[0]}.effort is" in note for note in data.notes)
+
+
+def test_a_joint_that_two_columns_may_be_is_asked_for(tmp_path):
+    """Commands and measurements are both called by the joint."""
+    file = tmp_path / "run.csv"
+    both = as_called(lambda joint, what, k: f"/state/{joint}/{what}").splitlines()
+    wanted = [f"/command/{joint}/position" for joint in NAMES]
+    rows = [f"{row},0.1,0.2,0.3" for row in both[1:]]
+    file.write_text("\n".join([",".join([both[0], *wanted]), *rows]) + "\n")
+    with pytest.raises(RecordError, match=rf"{NAMES[0]}\.position.* missing.*--signal {NAMES[0]}\.position=COLUMN"):
+        read_data(MODEL, [str(file)], {})

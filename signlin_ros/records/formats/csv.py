@@ -237,6 +237,7 @@ def _careful(text: _Text, headings: list[Heading], keep: Keep) -> RawTable:
         raise RecordError(f"{shape.source}: a quoted cell runs over the end of its line")
     _check_widths(shape, text.rows, rows)
     chosen, columns, notes, dated = [], [], [*shape.notes, *text.notes], dict[str, Array]()
+    words = dict[str, str]()
     untimed = clock(headings) is None
     for i, (head, column_cells) in enumerate(zip(headings, zip(*rows, strict=True), strict=True)):
         if not head.label and not any(column_cells):
@@ -246,10 +247,11 @@ def _careful(text: _Text, headings: list[Heading], keep: Keep) -> RawTable:
             notes.append(Note(f"column {head.label!r} holds text and is left out", "left_out", head.label))
             found = times_of_day(column_cells) if is_value(column_cells[0]) else None
             dated |= {} if found is None else {head.label: found.seconds}
+            words |= {head.label: column_cells[0]} if len(set(column_cells)) == 1 else {}
             continue
         chosen.append(told)
         columns.append(column)
-    return RawTable(shape.source, chosen, columns, text.rows, tuple(notes), dated=dated)
+    return RawTable(shape.source, chosen, columns, text.rows, tuple(notes), dated=dated, words=words)
 
 
 def _rows(shape: Layout) -> list[list[str]]:

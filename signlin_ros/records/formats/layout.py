@@ -327,7 +327,7 @@ def _without_messages(
         f"{count} among the rows are no rows and left out, the first (line {numbers[first]}) {shortened(body[first])!r}"
     )
     kept = np.flatnonzero(~gone)
-    return [body[i] for i in kept], numbers[kept], [Note(said, "left_out")]
+    return [body[i] for i in kept], numbers[kept], [Note(said, "truncated")]
 
 
 def _is_message(line: str, separator: str, width: int) -> bool:
