@@ -72,8 +72,13 @@ WANTED = (
     "command",
     "soll",
     "sollwert",
+    "action",
+    "demand",
+    "error",
+    "err",
+    "deviation",
 )
-"""In the name of a column that says what was asked for, not what came of it."""
+"""In the name of a column that says what was asked for, or how far off that is, not what came of it."""
 DIRECTION = ("dir", "direction", "richtung", "drehrichtung", "sign", "sgn", "vorzeichen", "sens", "cw", "ccw")
 """In the name of a column that says which way it goes."""
 DUTY, FULL = ("pwm", "duty", "tastgrad", "throttle"), (1.0, 100.0, 255.0, 1000.0, 1023.0, 4095.0, 32767.0, 65535.0)
@@ -243,7 +248,7 @@ def _likeness(row: Mapping[str, Any], label: str, unit: str) -> tuple[float, str
     if plain in words:
         points, why = points + 3.0 - words.index(plain) / 50, [f"called {plain!r}"]
     elif hit := next((w for w in words if w in tokens), None):
-        points, why = points + 2.0 - words.index(hit) / 50, [f"{hit!r} in its name"]
+        points, why = points + (2.5 if len(hit) > 1 else 2.0) - words.index(hit) / 50, [f"{hit!r} in its name"]
     elif hit := next((w for w in words if len(w) > 2 and w in plain), None):
         points, why = points + 1.5, [f"{hit!r} in its name"]
     if row["kind"] != "input" and any(word in tokens for word in WANTED):
@@ -279,22 +284,32 @@ def _by_derivative(row: dict[str, Any], known: dict[str, Any], record: Record, t
     if key is None:
         return
     reference = record.signals[key].values
-    free = {n: s for n, s in record.signals.items() if (s.label or n) not in taken}
-    scored = [(abs(alike(reference, s.values)), s.label or n, s.unit) for n, s in free.items()]
-    best = max(scored, default=(0.0, "", ""))
-    if best[0] >= MIN_DERIVATIVE_CORRELATION:
-        why = f"one is the derivative of the other (correlation {best[0]:.2f})"
-        row.update(column=best[1], why=_guess(row, why, best[2]), proposed=True)
-        taken.add(best[1])
+    free = {
+        n: s for n, s in record.signals.items() if (s.label or n) not in taken and _may_be(row, s.label or n, s.unit)
+    }
+    scored = [(alike(reference, s.values), s.label or n, s.unit) for n, s in free.items()]
+    (likeness, _), label, unit = max(scored, default=((0.0, 0.0), "", ""), key=lambda one: one[0])
+    if likeness >= MIN_DERIVATIVE_CORRELATION:
+        why = f"one is the derivative of the other (correlation {likeness:.2f})"
+        row.update(column=label, why=_guess(row, why, unit), proposed=True)
+        taken.add(label)
 
 
-def _correlation(t: Array, position: Array, velocity: Array) -> float:
-    """Return the correlation of the slope of one column (T,) with another."""
+def _may_be(row: Mapping[str, Any], label: str, unit: str) -> bool:
+    """Tell whether a column may be what is measured by its unit, where that is known, and by its name."""
+    fits = units.parse(unit) is None or units.conversion(unit, row["unit"]) is not None
+    return fits and not any(word in WANTED for word in _tokens(label))
+
+
+def _correlation(t: Array, position: Array, velocity: Array) -> tuple[float, float]:
+    """Return how well the slope of one column (T,) goes with another, 0 to 1 in hundredths, and of several that go as
+    well the nearness of their sizes: minus the logarithm of their ratio, without its sign.
+    """
     few = slice(0, min(t.size, 20_000))
     slope, v = np.gradient(np.nan_to_num(position[few]), t[few]), np.nan_to_num(velocity[few])
     if slope.std() == 0 or v.std() == 0:
-        return 0.0
-    return float(np.corrcoef(slope, v)[0, 1])
+        return 0.0, 0.0
+    return round(abs(float(np.corrcoef(slope, v)[0, 1])), 2), -abs(float(np.log(slope.std() / v.std())))
 
 
 __all__ = ["mapping"]

@@ -242,6 +242,23 @@ def test_a_column_in_another_quantity_is_not_proposed() -> None:
     assert rows["speed"]["column"] is None
 
 
+def test_what_goes_with_a_derivative_is_no_command_no_error_and_of_the_right_quantity() -> None:
+    t = np.arange(500) / 100.0
+    q, w = np.sin(2 * t), 2 * np.cos(2 * t)
+    given = record(yaw_ref=(q, "rad"), pressure=(q, "bar"), yaw_error=(q, ""), yaw=(q, "rad"), gyro=(w, "rad/s"))
+    rows = {r["signal"]: r for r in proposing.mapping(Model.load("dc_motor"), [given], {})}
+    assert (rows["speed"]["column"], rows["position"]["column"]) == ("gyro [rad/s]", "yaw [rad]")
+
+
+def test_of_two_joints_with_like_motions_the_one_of_the_same_size_is_proposed() -> None:
+    t = np.arange(500) / 100.0
+    q, w = np.sin(2 * t), 2 * np.cos(2 * t)
+    given = record(position_0=(q, ""), rate_1=(0.3 * w, ""), rate_0=(w, ""), rate_2=(5 * w, ""), target_tau=(w, ""))
+    rows = {r["signal"]: r for r in proposing.mapping(Model.load("mass_spring_damper"), [given], {})}
+    found = {n: rows[n]["column"] for n in ("force", "displacement", "velocity")}
+    assert found == {"force": "target_tau", "displacement": "position_0", "velocity": "rate_0"}
+
+
 # -------------------------------------------------------------------- sliders
 
 
