@@ -246,7 +246,8 @@ def test_what_goes_with_a_derivative_is_no_command_no_error_and_of_the_right_qua
     t = np.arange(500) / 100.0
     q, w = np.sin(2 * t), 2 * np.cos(2 * t)
     given = record(yaw_ref=(q, "rad"), pressure=(q, "bar"), yaw_error=(q, ""), yaw=(q, "rad"), gyro=(w, "rad/s"))
-    rows = {r["signal"]: r for r in proposing.mapping(Model.load("dc_motor"), [given], {})}
+    motor = Model.load("dc_motor").with_options(with_position=True)
+    rows = {r["signal"]: r for r in proposing.mapping(motor, [given], {})}
     assert (rows["speed"]["column"], rows["position"]["column"]) == ("gyro [rad/s]", "yaw [rad]")
 
 
