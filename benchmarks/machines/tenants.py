@@ -501,11 +501,11 @@ def timber_joint(folder: Path, rng: np.random.Generator) -> None:
 @njit
 def _foamed(x: Array, mu: float, stiff: float, half: float) -> Array:
     """Return the friction of foam that a rod takes along after a play: an elastic slider behind a slack."""
-    taken, foam, out = x[0], x[0], np.zeros_like(x)
+    foam, out, most = x[0], np.zeros_like(x), half + mu / stiff
     for k in range(1, x.size):
-        taken = min(max(taken, x[k] - half), x[k] + half)
-        foam = min(max(foam, taken - mu / stiff), taken + mu / stiff)
-        out[k] = stiff * (taken - foam)
+        foam = min(max(foam, x[k] - most), x[k] + most)
+        apart = x[k] - foam
+        out[k] = stiff * np.sign(apart) * max(abs(apart) - half, 0.0)
     return out
 
 

@@ -32,6 +32,15 @@ def test_joints_in_rows_get_columns(names, called, order, tmp_path):
     assert any("each time has a row for every 'joint'" in note for note in record.notes)
 
 
+def test_a_table_of_names_and_values_has_columns_of_these_names(tmp_path):
+    rows = [f"{t:.3f},{name},{k + i}" for k, t in enumerate(T) for i, name in enumerate(("pos", "Iq"))]
+    (tmp_path / "a.csv").write_text("time,signal,value\n" + "\n".join(rows) + "\n")
+    record = read_record(tmp_path / "a.csv")
+    np.testing.assert_array_equal(record.signals[record.find("pos")].values, np.arange(40))
+    np.testing.assert_array_equal(record.signals[record.find("Iq")].values, np.arange(40) + 1)
+    assert any("columns are called Iq and so on" in note for note in record.notes)
+
+
 def test_a_row_that_was_cut_off_costs_its_stamp_alone(tmp_path):
     (tmp_path / "a.csv").write_text("\n".join(long_table((1, 2)).splitlines()[:-1]) + "\n")
     assert len(read_record(tmp_path / "a.csv")) == len(T) - 1

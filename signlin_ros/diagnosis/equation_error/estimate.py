@@ -14,7 +14,7 @@ from signlin_ros.comparison.force_segment import ForceSegment, best_cutoff, effo
 from signlin_ros.diagnosis.blocks import MIN_DIVISOR
 from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA, Criteria
 from signlin_ros.diagnosis.equation_error.flexible import Curve, structured
-from signlin_ros.diagnosis.equation_error.laws import LawRegressor, grid, laws
+from signlin_ros.diagnosis.equation_error.laws import LawRegressor, grid, laws, linear_parameters
 from signlin_ros.diagnosis.equation_error.regression import (
     Regression,
     RegressionData,
@@ -106,6 +106,12 @@ class EquationErrorResult:
         """The names of the chosen set, in the order in which they were found."""
         return tuple(n for n, _ in self.fit.members)
 
+    @property
+    def leaves_noise(self) -> bool:
+        """Whether the chosen set leaves no force residual of validation data that is seen above the sensors' noise."""
+        most = self.regression.criteria.min_force_over_noise**2 * self.validation.noise_mse
+        return self.fit.validation_mse <= most
+
     def without(self, names: Iterable[str]) -> EquationErrorResult:
         """Return the result with the least of the best sound sets that have none of some laws as the chosen one."""
         gone, most = set(names), (1.0 + self.regression.criteria.visible_change) ** 2
@@ -163,12 +169,16 @@ class EquationErrorResult:
         return {} if full else {name: lag for name, lag in self.late.items() if name in channels}
 
     def with_laws(self, fit: RegressionFit) -> Model:
-        """Return the model with the laws of a fit, all values as found there."""
+        """Return the model with the laws of a fit, all values as found there; of laws that the model has, those values
+        of which forces are a linear function: a relative change of a shape holds near its value only.
+        """
         r, model = self.regression, self.given
+        linear = {n for n in linear_parameters(model.structure) if n not in model.parameters}
         for name, _ in fit.members:
             model = model.with_effect(name, free_key(model, name), **self.values(fit, name))
-        moved = zip(r.names[:-1], fit.theta, strict=False)
-        return model.with_parameters({n: model.value(n) * (1 + theta) for n, theta in moved if n in model.parameters})
+        moved = list(zip(r.names[:-1], fit.theta, strict=False))
+        moved = [(n, theta) for n, theta in moved if n in model.parameters or (n in linear and theta > -1.0)]
+        return model.with_parameters({n: model.value(n) * (1 + theta) for n, theta in moved})
 
     def stated(self, fit: RegressionFit, beside: Model) -> tuple[list[str], Model]:
         """Return the laws of a fit, and the model with their values; what forces do not tell, a late sensor too, as in
@@ -187,7 +197,9 @@ class EquationErrorResult:
 def estimate_equation_error(
     known: Problem, unseen: Problem, criteria: Criteria = DEFAULT_CRITERIA
 ) -> EquationErrorResult:
-    """Ask the equation-error estimate. The quiet band first, a wider one where nothing is found in it."""
+    """Ask the equation-error estimate. The quiet band first, a wider one where nothing is found in it, or where what is
+    found leaves more than noise: that one counts where its laws leave noise, for a wave may lie beyond the first.
+    """
     model = known.base
 
     def below(cutoff: float) -> EquationErrorResult:
@@ -196,9 +208,12 @@ def estimate_equation_error(
     cutoff = best_cutoff(model, known.parts, criteria.max_inertial_noise)
     first = below(cutoff)
     wide = min(criteria.band_widening * cutoff, WIDEST / first.training.pieces[0].step)
-    if (first.effects and not first.flexible.visible) or wide < BROADER * cutoff:
+    found = bool(first.effects) and not first.flexible.visible
+    if (found and first.leaves_noise) or wide < BROADER * cutoff:
         return first
     second = below(wide)
+    if found:
+        return second if second.leaves_noise else first
     more = second.flexible.visible and (first.effects or first.flexible.visible)
     return second if second.effects and not more else first
 

@@ -80,6 +80,16 @@ def parts_of(structure: Structure) -> LawParts:
 
 @symbolic
 @functools.lru_cache(maxsize=256)
+def linear_parameters(structure: Structure) -> tuple[str, ...]:
+    """Return the parameters of a model in which the rate is linear, by dotted name."""
+    t = trace(structure)
+    rate = rate_of(t, structure.plant)
+    curved = [ca.jacobian(ca.jacobian(rate, t.p[i]), t.p[i]).nnz() for i in range(len(t.parameters))]
+    return tuple(name for name, bent in zip(t.parameters, curved, strict=True) if not bent)
+
+
+@symbolic
+@functools.lru_cache(maxsize=256)
 def columns_of(structure: Structure) -> SwitchedTape:
     """Return the change of the rate for unit levels of a law, a row for each of its columns."""
     t = trace(structure)
@@ -275,4 +285,4 @@ def _reference(law: LawRegressor, start: Mapping[str, float]) -> Shape:
     return tuple((n, float(f"{values[n]:.12g}")) for n in names)
 
 
-__all__ = ["KEY", "LawParts", "LawRegressor", "Ripple", "Shape", "grid", "laws", "parts_of"]
+__all__ = ["KEY", "LawParts", "LawRegressor", "Ripple", "Shape", "grid", "laws", "linear_parameters", "parts_of"]

@@ -24,11 +24,14 @@ VALUES = ("value", "val", "varvalue", "data", "reading")
 """What the columns of names and of values are called in a table that has both."""
 GROUPS_LOOKED = 4
 """Stamps whose rows tell whether a table may be long."""
+VALUE = ("value", "values", "val", "_value", "data", "reading", "wert", "messwert")
+"""What the column of numbers is called where names alone say what they are of."""
 
 
 def widened(shape: Layout) -> Layout:
     """Return a table with one row for each stamp where every stamp has a row for each of the same names or numbers,
-    ``joint`` 1 and 2 in turn; its columns are ``joint1.torque``, ``joint2.torque``; others as they are.
+    ``joint`` 1 and 2 in turn; its columns are ``joint1.torque``, ``joint2.torque``, of a table of names and values the
+    names; others as they are.
     """
     shape = _interleaved(shape)
     place = _rows_at_a_stamp(shape)
@@ -46,12 +49,11 @@ def widened(shape: Layout) -> Layout:
     label = heading(shape.header[column]).name
     called = [f"{label}{value}" if is_number(value) else value for value in values]
     others = [k for k in range(rows.shape[1]) if k not in (at, column) and shape.header[k]]
-    header = [shape.header[at], *(f"{name}.{shape.header[k]}" for name in called for k in others)]
+    alone = [shape.header[k].strip().lower() in VALUE for k in others] == [True] and not is_number(values[0])
+    header = [shape.header[at], *(name if alone else f"{name}.{shape.header[k]}" for name in called for k in others)]
     wide = np.concatenate([groups[:, :1, at], groups[:, :, others].reshape(len(groups), -1)], axis=1)
     lines = [shape.separator.join(map(header_cell, row)) for row in wide.tolist()]
-    said = (
-        f"each time has a row for every {label!r}: columns are called {called[0]}.{shape.header[others[0]]} and so on"
-    )
+    said = f"each time has a row for every {label!r}: columns are called {header[1]} and so on"
     numbers = shape.numbers[: len(groups) * count : count]
     return replace(shape, header=header, body=lines, numbers=numbers, notes=(*shape.notes, Note(said, "format")))
 
