@@ -110,6 +110,12 @@ class ForceSegment:
         """What the effort (T,) changes by if it is stamped a sample late."""
         return slope(self.effort_nearby, self.step) * self.step
 
+    def with_later_inputs(self, seconds: float) -> ForceSegment:
+        """Return the piece with its inputs and effort later by some seconds, from its first sample on."""
+        at = self.t - seconds
+        u = np.column_stack([np.interp(at, self.t, one) for one in self.u.T])
+        return replace(self, u=u, effort=np.interp(at, self.t, self.effort), _known={})
+
     def once(self, key: object, make: Callable[[], Array]) -> Array:
         """Return the result of ``make`` for the piece, computed when a key is first asked for."""
         if key not in self._known:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -144,8 +145,9 @@ class Evidence:
         own = {name for use in uses for name, value in use.items() if value}
         return frozenset({LATE_SENSOR}) if own <= self.equation_error.late.keys() else frozenset()
 
-    def force_comparable(self, f: FittedModel) -> bool:
-        """Tell whether the force that a model leaves can be compared with the base model's. It cannot where
+    def force_comparable(self, f: FittedModel, beside: Collection[str] = ()) -> bool:
+        """Tell whether the force that a model leaves can be compared with the base model's, but for effects ``beside``
+        which it is compared. It cannot where
 
         - one of its effects changes a sensor, a motor's constants or the time of the effort (`changes_effort`), unless
           it changes the input, or has a load that floats (`Effect.floating`);
@@ -156,7 +158,7 @@ class Evidence:
         """
         if self.equation_error is None:
             return False
-        acting = {name: find_effect(name, "effects") for name in self.effects_in_force(f)}
+        acting = {name: find_effect(name, "effects") for name in self.effects_in_force(f) if name not in beside}
         effects = acting.values()
         if any((changes_effort(e) and not _has(e, "input")) or e.floating for e in effects):
             return False
@@ -180,6 +182,19 @@ class Evidence:
         if f not in known:
             known[f] = self.equation_error.mse_as_written(f.model)
         return known[f]
+
+    def force_mse_delayed(self, f: FittedModel) -> Array | None:
+        """Return the same (blocks,) of a model with delays of the input, which no force shows: with inputs that come so
+        much later, without these; None where it has none, or is not comparable for something else.
+        """
+        delays = {n for n in self.effects_in_force(f) if _has(find_effect(n, "effects"), "delay")}
+        known = not self.dataset.plant.motion_is_imposed() and self.force_comparable(f, delays)
+        if self.equation_error is None or not delays or not known:
+            return None
+        keys, model = [k for k, use in f.added.items() if use.type in delays], f.model
+        for key in keys:
+            model = model.without_effect(key)
+        return self.equation_error.mse_with_later_inputs(model, f.model.delay - model.delay)
 
     def force_mse(self, f: FittedModel) -> Array | None:
         """Return the same (blocks,) with the parameters of the output or the equation error, whichever leave less; of a

@@ -89,11 +89,21 @@ class ValidationTests:
         """Force that is left, in per cent of the effort."""
         return force_percent(self.evidence, self.final, self.final)
 
+    @property
+    def force_told(self) -> bool:
+        """Whether forces tell of it without a shift of its input."""
+        return self.percent is not None and self.evidence.force_mse(self.final) is not None
+
+    @property
+    def force_shows(self) -> bool:
+        """Whether the force that it leaves is seen above the noise, of a delayed input with the input delayed."""
+        return self.evidence.force_shows(self.final) or (self.percent is not None and not self.force_told)
+
     @cached_property
     def flexible(self) -> Curve:
         """What a flexible curve makes of the force that is left."""
         force = self.evidence.equation_error
-        if force is None or self.percent is None:
+        if force is None or not self.force_told:
             return Curve(False, np.inf)
         if self.evidence.effects_in_force(self.final) == set(force.effects):
             return force.flexible
@@ -106,7 +116,7 @@ class ValidationTests:
     def changing(self) -> str:
         """Which force changes slowly along the records, if that is most of what is left; empty if none does."""
         force = self.evidence.equation_error
-        if force is None or self.percent is None or self.final.white:
+        if force is None or not self.force_told or self.final.white:
             return ""
         fit = force.sets.get(self.evidence.effects_in_force(self.final))
         left = fit.validation_residual if fit else force.validation.force_residual(self.final.model)
@@ -175,7 +185,7 @@ class ValidationTests:
             final.training_squares, final.validation_squares, *noise, self.criteria.max_rmse_over_noise
         ):
             return False
-        if force is None or self.percent is None:
+        if force is None or self.percent is None or not self.force_told:
             return True
         known = float(np.sqrt(np.mean(force.mse_as_written(final.model, known=True)))) / force.training.effort
         return 100.0 * known < HALF * self.percent
@@ -216,8 +226,7 @@ class ValidationTests:
     @property
     def explains_all_force(self) -> bool:
         """Whether a force that the base model lacks is above the noise, and what a proposal leaves of it is not."""
-        shows = self.evidence.force_shows
-        return self.percent is not None and shows(self.base) and not shows(self.final)
+        return self.percent is not None and self.evidence.force_shows(self.base) and not self.force_shows
 
     def sampled(self) -> FittedModel | None:
         """Return the same model with inputs sampled from what goes on in between, where that is surely better."""
@@ -378,8 +387,14 @@ class ValidationTests:
 
 
 def force_left(evidence: Evidence, f: FittedModel, final: FittedModel) -> Array | None:
-    """Return the mean squared force (blocks,) left of validation data: by the proposal as written, else at best."""
-    return evidence.force_mse_as_written(f) if f is final and f.effects else evidence.force_mse(f)
+    """Return the mean squared force (blocks,) left of validation data: by the proposal as written, else at best; of one
+    that delays its input, as the delayed input leaves it, if that is seen above the noise.
+    """
+    left = evidence.force_mse_as_written(f) if f is final and f.effects else evidence.force_mse(f)
+    if left is None:
+        left = evidence.force_mse_delayed(f)
+        return left if left is not None and float(np.mean(left)) > evidence.visible_force_mse else None
+    return left
 
 
 def force_percent(evidence: Evidence, f: FittedModel, final: FittedModel) -> float | None:

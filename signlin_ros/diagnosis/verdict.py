@@ -103,7 +103,7 @@ def reason_of(tests: ValidationTests, conflict: str = "") -> str:
         return "far"
     if tests.leaves_most or tests.loop:
         return "structure" if tests.leaves_most else "loop"
-    if tests.evidence.force_shows(tests.final):
+    if tests.force_shows:
         return _reason_by_force(tests)
     if tests.dataset.plant.closed_loop and tests.evidence.near_noise(tests.final):
         return ""  # where a servo sticks, the steps of its encoder are no noise that could be tested

@@ -135,8 +135,17 @@ class EquationErrorResult:
         """
         r = self.regression
         side = r.training if known else r.validation
+        return self._mse(side, model, side.X[:, -1])
+
+    def mse_with_later_inputs(self, model: Model, seconds: float) -> Array:
+        """Return the same (blocks,) of validation data whose inputs come later by seconds; the model delays none."""
+        side = self.validation.later(seconds)
+        return self._mse(side, model, side.late)
+
+    def _mse(self, side: RegressionData, model: Model, late: Array) -> Array:
+        r = self.regression
         left = side.force_residual(model) * effort_gain(r.model, r.current) / effort_gain(model, r.current)
-        return side.mse_by_block(stamped(left, side.X[:, -1]))
+        return side.mse_by_block(stamped(left, late))
 
     def changed(self) -> dict[str, tuple[float, float]]:
         """Return the sizes of chosen laws of one coefficient that surely differ between training and validation data,
@@ -198,7 +207,8 @@ def estimate_equation_error(
     known: Problem, unseen: Problem, criteria: Criteria = DEFAULT_CRITERIA
 ) -> EquationErrorResult:
     """Ask the equation-error estimate. The quiet band first, a wider one where nothing is found in it, or where what is
-    found leaves more than noise: that one counts where its laws leave noise, for a wave may lie beyond the first.
+    found leaves more than noise: that one counts where it shows a law beside the same, and these leave noise, for a
+    wave may lie beyond the first.
     """
     model = known.base
 
@@ -213,7 +223,7 @@ def estimate_equation_error(
         return first
     second = below(wide)
     if found:
-        return second if second.leaves_noise else first
+        return second if set(first.effects) < set(second.effects) and second.leaves_noise else first
     more = second.flexible.visible and (first.effects or first.flexible.visible)
     return second if second.effects and not more else first
 

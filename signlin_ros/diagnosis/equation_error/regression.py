@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,6 +97,15 @@ class RegressionData:
     def travel(self) -> float:
         """How far a record goes at most."""
         return max(float(np.ptp(p.q)) for p in self.pieces)
+
+    def later(self, seconds: float) -> RegressionData:
+        """Return the same records with every input later by some seconds; base columns and effort stay."""
+        return replace(self, pieces=tuple(p.with_later_inputs(seconds) for p in self.pieces))
+
+    @property
+    def late(self) -> Array:
+        """What the effort (K,) changes by if it is stamped a sample late."""
+        return np.concatenate([p.seen(p.late) for p in self.pieces])
 
     def split(self, values: Array) -> list[Array]:
         """Return values (K,) by record."""
