@@ -6,8 +6,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from signlin_ros.diagnosis.evidence import HALF, Evidence
 from signlin_ros.diagnosis.output_error import FittedModel
 from signlin_ros.diagnosis.selection import Selection
@@ -33,8 +31,9 @@ def without_untold(evidence: Evidence, verdict: Verdict) -> Verdict:
 
 
 def without_rounding(evidence: Evidence, verdict: Verdict) -> Verdict:
-    """Return the verdict without an offset of a sensor that is within the step in which it shows, where nothing is open
-    without it, or no more than half of a step near the noise: one that rounds down reads half a step too little.
+    """Return the verdict without an offset of a sensor that is within the step in which it shows: that is no effect but
+    what rounding leaves open, one that rounds down reads half a step too little. What else is named, and whether
+    anything is, was judged beside it.
     """
     if SENSOR_OFFSET not in verdict.names or verdict.reason or verdict.selection.asked:
         return verdict
@@ -47,13 +46,8 @@ def without_rounding(evidence: Evidence, verdict: Verdict) -> Verdict:
     unit = problem.shown(problem.units.get(channel, ""))
     dropped = {**verdict.selection.dropped, SENSOR_OFFSET: phrases.rounded(channel, offset, steps[channel], unit)}
     other = verdict_of(evidence, replace(verdict.selection, chosen=rest, dropped=dropped))
-    half = bool(np.all(rest.validation_rmse <= problem.quanta / 2.0)) and evidence.near_noise(rest)
-    if other.reason == "structure" and half:
-        other = replace(other, reason="", label="missing" if rest.effects else "adequate")
-    if other.reason:
-        return verdict
     evidence.cache.keep(*([rest] if rest.effects else []))
-    return other
+    return replace(other, reason="", lost=(), worse="", label="missing" if rest.effects else "adequate")
 
 
 def without_idle(evidence: Evidence, verdict: Verdict) -> Verdict:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 from scipy.signal import lfilter
 
 from signlin_ros.comparison.force_segment import ForceSegment, asked_effort, force_segment, missing_force
@@ -477,3 +478,57 @@ def test_a_visible_part_of_the_effort_is_structure_however_much_a_law_took_away(
     assert left < found.regression.criteria.min_flexible_share * before
     assert found.percent(coulomb) > 100.0 * found.regression.criteria.min_missing_share
     assert found.structure_left(coulomb).visible
+
+
+# ---------------------------------------------------------------- a wave beyond the quiet band
+
+
+def turned_one_way(seed: int) -> ModelData:
+    """Return a record of an axis that turns one way against a load and a wave of 1.9 Hz, which passes the quiet band in
+    part; only its angle is measured, with noise.
+    """
+    rng, t = np.random.default_rng(seed), np.arange(3000) * 0.01
+    w, phase = rng.uniform(0.3, 1.2, 4), rng.uniform(0, 6, 4)
+    angle = w * t[:, None] + phase
+    v, a = 6.0 + 0.3 * np.sin(angle).sum(axis=1), 0.3 * (w * np.cos(angle)).sum(axis=1)
+    q = cumulative_trapezoid(v, t, initial=0.0)
+    effort = 0.3 * a + 0.02 * v + 2.0 + 0.9 * np.sin(2.0 * q)
+    shown = {"displacement": q + rng.normal(0.0, 4e-3, t.size)}
+    units = {"force": "N·m", "displacement": "rad"}
+    return ModelData(t, effort[:, None], shown, None, ("force",), ("displacement",), units)
+
+
+def test_what_the_quiet_band_leaves_is_sought_in_a_wider_one() -> None:
+    given = Model.from_dict(
+        {"plant": "mass_spring_damper", "axis": "rotary", "parameters": {"m": 0.3, "c": 0.02, "k": 0.0}}
+    )
+    made = dataset_of(given, turned_one_way(1), turned_one_way(2))
+    cutoff = estimate.best_cutoff(given, made.training.parts, DEFAULT_CRITERIA.max_inertial_noise)
+    quiet = estimate.EquationErrorResult.of(given, estimate.subset_search(made.training, made.validation, cutoff))
+    assert quiet.effects == ("coulomb_friction",)
+    assert not quiet.leaves_noise
+    found = estimate.estimate_equation_error(made.training, made.validation)
+    assert set(found.effects) == {"coulomb_friction", "cogging_torque"}
+    assert found.values(found.fit, "cogging_torque")["A"] == pytest.approx(0.9, rel=0.05)
+    assert found.leaves_noise
+
+
+def test_laws_of_the_file_start_from_what_forces_tell_of_them() -> None:
+    given = Model.from_dict({**DRIVE, "effects": {"coulomb_friction": {"mu": 1.0}}})
+    found = from_equation_error(lambda q, v: 2.0 - 5.0 * np.sign(v), given)
+    assert found.effects == ("constant_load",)
+    model = found.with_laws(found.fit)
+    assert model.value("coulomb_friction.mu") == pytest.approx(5.0, rel=0.02)
+    assert model.value("constant_load.F0") == pytest.approx(2.0, rel=0.02)
+
+
+def test_a_delayed_input_is_compared_with_the_input_delayed() -> None:
+    late = 25
+    data = [record(seed) for seed in (1, 2)]
+    early = [replace(one, u=np.vstack([one.u[late:], np.repeat(one.u[-1:], late, axis=0)])) for one in data]
+    made = dataset_of(Model.from_dict(DRIVE), *early)
+    found = estimate.estimate_equation_error(made.training, made.validation)
+    model = made.training.base
+    as_written = np.mean(found.mse_as_written(model))
+    assert np.mean(found.mse_with_later_inputs(model, late * STEP)) < 0.01 * as_written
+    assert np.mean(found.mse_with_later_inputs(model, 0.5 * late * STEP)) > 0.1 * as_written
