@@ -52,7 +52,7 @@ class Criteria:
     max_inertial_noise: float = 0.0175
     """Largest noise of the inertial force over the effort (RMS) where forces are compared: it sets the band."""
     band_widening: float = 3.0
-    """Factor by which that band is widened where no law is found in it."""
+    """Factor by which that band is widened where no law is found in it, or those that are leave more than noise."""
     min_force_over_noise: float = 2.5
     """Least ratio of the force residual to the sensors' noise (RMS) for the equation error to tell what is in it."""
 
