@@ -129,6 +129,7 @@ LOGGERS = {
     ),
     "topics.csv": "receive time,sequence,topic,value\n"
     + "\n".join(f"{7 + t},{k},a,{a}\n{7 + t},{k},b,{b}" for k, (t, a, b) in enumerate(ROWS)),
+    "of_the_pi.json": json.dumps(dict(zip(("pi_time", "a", "b"), zip(*ROWS, strict=True), strict=True))),
     "rows_alone.json": json.dumps({"test": "x", "fast": ROWS}),
     "twice.csv": "t,a,b\n" + "\n".join(f"{t},{a},{b}\n{t},{a},{b}" for t, a, b in ROWS),
     "cut.csv": "t,a,b\n" + "\n".join(f"{t},{a},{b}" for t, a, b in ROWS) + "\n0.2,3\n",
@@ -395,6 +396,30 @@ def test_topics_with_stamps_of_their_own(tmp_path: Path) -> None:
     record = read_record(file)
     np.testing.assert_allclose(record.series["b.value"].t, [t for t, _ in other], atol=1e-9)
     np.testing.assert_allclose(record.series["motor.a.value"].values, [a for _, a, _ in ROWS], atol=1e-9)
+
+
+def test_topics_of_words_and_more_topics_than_are_wanted(tmp_path: Path) -> None:
+    """The log of a robot has a hundred topics; those that are asked for are kept."""
+    file = tmp_path / "log.csv"
+    rows = [
+        f"{t},{name},{k + t}" for t, _, _ in ROWS for k, name in enumerate(map(str, (f"/n/{i}" for i in range(70))))
+    ]
+    rows += [f"{t},/motor/volts,{a}" for t, a, _ in ROWS] + [f"{t},/enabled,true" for t, _, _ in ROWS]
+    file.write_text("\n".join(["Timestamp,Key,Value", *rows]) + "\n")
+    data = read_for_model(file, Model.load("dc_motor"), {"voltage": "/motor/volts.Value", "speed": "/n/3.Value"})
+    np.testing.assert_allclose(data.u[:, 0], [a for _, a, _ in ROWS])
+    np.testing.assert_allclose(data.measured["speed"], [3 + t for t, _, _ in ROWS])
+    assert any("8 others, of words or more seldom, are left out" in note for note in data.notes)
+
+
+def test_topics_of_a_log_that_begins_anew_are_not_mixed(tmp_path: Path) -> None:
+    file = tmp_path / "log.csv"
+    once = [f"{t},{name},{x}" for t, a, b in ROWS for name, x in (("a", a), ("b", b), *([("a", a)] if not t else []))]
+    file.write_text("\n".join(["time,topic,value", *once, *once]) + "\n")
+    runs = read_records(file)
+    assert [len(run) for run in runs] == [40, 40]
+    for run in runs:
+        np.testing.assert_allclose(run.signals["b.value"].values, [b for _, _, b in ROWS])
 
 
 def test_a_column_of_words_beside_values_names_none(tmp_path: Path) -> None:

@@ -110,7 +110,7 @@ def read_table(path: Path, source: str, keep: Keep, asked: Sequence[str] = ()) -
         chosen = _told(headings, columns)
         said = (*notes, *shape.notes)
         return RawTable(source, [headings[i] for i in chosen], [columns[i] for i in chosen], rows, said, shape.named)
-    shape = by_number(widened(layout(letters, source)), asked)
+    shape = by_number(widened(layout(letters, source), asked), asked)
     if '"' in letters:
         _check_quotes(shape)
     text = _with_commas(_Text(replace(shape, notes=(*notes, *shape.notes)), shape.body))

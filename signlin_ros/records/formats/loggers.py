@@ -278,6 +278,8 @@ def _listed(text: str) -> Plain | None:
     lists = {k: _numbers_in(cell) for k, cell in enumerate(rows[0]) if cell.strip().startswith(("[", "("))}
     named = next((k for k, parts in lists.items() if len(parts) > 1 and not any(map(is_number, parts))), None)
     called = lists.pop(named) if named is not None else []
+    if not lists:
+        return None
     names = []
     for k, name in enumerate(head):
         if k != named:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.records.formats.cells import is_number
+from signlin_ros.records.formats.cells import EMPTY_CELLS, is_number, is_value
 from signlin_ros.records.formats.labels import header_cell
 from signlin_ros.records.formats.layout import Layout
 from signlin_ros.records.formats.stamps import times_of_day
@@ -28,7 +29,7 @@ VALUE = ("value", "values", "val", "_value", "data", "reading", "wert", "messwer
 """What the column of numbers is called where names alone say what they are of."""
 
 
-def widened(shape: Layout) -> Layout:
+def widened(shape: Layout, asked: Sequence[str] = ()) -> Layout:
     """Return a table with one row for each stamp where every stamp has a row for each of the same names or numbers,
     ``joint`` 1 and 2 in turn; its columns are ``joint1.torque``, ``joint2.torque``, of a table of names and values the
     names; others as they are.
@@ -36,7 +37,7 @@ def widened(shape: Layout) -> Layout:
     shape = _interleaved(shape)
     place = _rows_at_a_stamp(shape)
     if place is None:
-        return _by_names(shape)
+        return _by_names(shape, asked)
     at, count = place
     rows = _rows(shape, len(shape.body))
     names = None if rows is None else _names_of(rows, at, count)
@@ -73,24 +74,35 @@ def _named_values(shape: Layout) -> tuple[int, int, int] | None:
     return (timed.number - 1, names[0], values[0]) if ok and timed is not None else None
 
 
-def _by_names(shape: Layout) -> Layout:
+def _by_names(shape: Layout, asked: Sequence[str]) -> Layout:
     """Return a table with a column for each of the names in a table of times, names and values, empty where it has none
-    at a time; others as they are.
+    at a time; of too many names those that are ``asked`` for, and the most frequent. Others as they are.
     """
     place = _named_values(shape)
     rows = _rows(shape, len(shape.body)) if place is not None else None
     if place is None or rows is None:
         return shape
     stamps, names, values = (rows[:, k] for k in place)
-    called, which = np.unique(names, return_inverse=True)
-    if not 1 < called.size <= MAX_JOINTS or any(map(is_number, called)):
+    called, begins, which, counts = np.unique(names, return_index=True, return_inverse=True, return_counts=True)
+    if called.size < 2 or any(map(is_number, called)):
         return shape
-    numbers = all(map(is_number, stamps))
-    dated = None if numbers else times_of_day(stamps.tolist())
-    if not numbers and dated is None:
+    wanted = np.array([any(name in spec for spec in asked) for name in called.tolist()])
+    words = np.array([not is_value(one) and one.lower() not in EMPTY_CELLS for one in values[begins].tolist()])
+    numbers = np.flatnonzero(wanted | ~words)
+    best = np.sort(numbers[np.lexsort((-counts[numbers], ~wanted[numbers]))[:MAX_JOINTS]])
+    left = called.size - best.size
+    if not best.size:
+        return shape
+    if left:
+        kept = np.isin(which, best)
+        rows, stamps, values, which = rows[kept], stamps[kept], values[kept], np.searchsorted(best, which[kept])
+        called, shape = called[best], replace(shape, numbers=shape.numbers[kept])
+    counted = all(map(is_number, stamps))
+    dated = None if counted else times_of_day(stamps.tolist())
+    if not counted and dated is None:
         return shape
     t = np.char.replace(stamps, ",", ".").astype(np.float64) if dated is None else dated.seconds
-    order = np.argsort(t, kind="stable")
+    order = np.argsort(t, kind="stable") if _rise_by_name(t, which) else np.arange(t.size)
     stamps, which, values = stamps[order], which[order], values[order]
     row = np.concatenate([[0], np.cumsum(stamps[1:] != stamps[:-1])])
     wide = np.full((int(row[-1]) + 1, called.size), "", dtype=values.dtype)
@@ -100,8 +112,15 @@ def _by_names(shape: Layout) -> Layout:
     header = [shape.header[place[0]], *(f"{name}.{told}" for name in called)]
     lines = [shape.separator.join(map(header_cell, cells)) for cells in np.column_stack([stamps[first], wide]).tolist()]
     said = f"each row names its value: columns are called {called[0]}.{told} and so on"
+    said += f"; {left} others, of words or more seldom, are left out" if left else ""
     places = shape.numbers[order][first]
     return replace(shape, header=header, body=lines, numbers=places, notes=(*shape.notes, Note(said, "format")))
+
+
+def _rise_by_name(t: NDArray[np.float64], which: NDArray[np.intp]) -> bool:
+    """Whether the times (R,) of no name (R,) go back, as where a log begins anew: then rows are in blocks by name."""
+    order = np.argsort(which, kind="stable")
+    return not bool(((np.diff(t[order]) < 0.0) & (np.diff(which[order]) == 0)).any())
 
 
 def _interleaved(shape: Layout) -> Layout:

@@ -11,7 +11,7 @@ import math
 import re
 import zipfile
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ from signlin_ros.records import limits
 from signlin_ros.records.clean import RawTable
 from signlin_ros.records.formats import modelica
 from signlin_ros.records.grammar import words
-from signlin_ros.records.header import TIME_KEYS, Heading, clock, heading
+from signlin_ros.records.header import TIME_KEYS, Heading, clock, heading, names_a_time
 from signlin_ros.records.notes import Note
 from signlin_ros.records.table import Rows, listing
 
@@ -58,7 +58,7 @@ def table_of(variables: Mapping[str, Any], source: str, signals: Mapping[str, st
     out = {name: why for name, why in ((name, _no_vector(value)) for name, value in found.items()) if why}
     vectors = {name: value.astype(np.float64) for name, value in found.items() if name not in out}
     headings = _headings(list(vectors))
-    time, step = _time(headings, signals), _step(found)
+    time, step = _time(headings, signals) or _called_a_time(vectors, headings), _step(found)
     if time is not None and max(vectors[time.label].shape) != vectors[time.label].size:
         time = None
     if time is None and step is None and not _even(signals):
@@ -316,6 +316,16 @@ def _time(headings: list[Heading], signals: Mapping[str, str]) -> Heading | None
     for key in signals.keys() & TIME_KEYS:
         return next((head for head in headings if head.matches(signals[key])), None)
     return clock(headings)
+
+
+def _called_a_time(vectors: Mapping[str, Array], headings: Sequence[Heading]) -> Heading | None:
+    """The first vector that is called as times may be, ``pi_time``, and rises."""
+    named = (head for head in headings if names_a_time(head.name))
+    return next((head for head in named if _rises(vectors[head.label])), None)
+
+
+def _rises(values: Array) -> bool:
+    return values.size > 1 and max(values.shape) == values.size and bool((np.diff(values.reshape(-1)) > 0).all())
 
 
 def _columns(head: Heading, values: Array, length: int) -> list[tuple[Heading, Array]]:
