@@ -32,7 +32,7 @@ from signlin_ros.records.notes import Note
 from signlin_ros.records.runs import runs_of
 from signlin_ros.records.sparse import sparse
 from signlin_ros.records.table import Record, Rows, Signal, at
-from signlin_ros.records.times import Times, times_of
+from signlin_ros.records.times import Times, one_clock, times_of
 
 Array = npt.NDArray[np.float64]
 
@@ -113,6 +113,7 @@ def records_of(table: RawTable, signals: Mapping[str, str] | None, keep: Keep) -
         See the table at the top of this module.
     """
     table = _named_apart(table)
+    table = table if TIME_KEYS & (signals or {}).keys() else one_clock(table)
     times = times_of(table, signals or {})
     table = replace(table, notes=(*table.notes, *times.notes))
     _check_stamps(table, times)

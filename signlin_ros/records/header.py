@@ -44,6 +44,40 @@ _SAFE += "|(?:k?rad|mrad|deg|rev|turns?|m|mm|cm|um|in|ft|km)_(?:per_)?(?:s2?|sec
 _SAFE += "|(?:tr|tours?|rot|giri|obr|umdr|(?-i:U))_(?:per_)?(?:s|min)"
 _SAFE += "|upm|grad|newtons?|meters?|metres?|degrees|radians|milliamps|millivolts|celsius|deg[cf]|percent|kg|g"
 _SUFFIX = re.compile(rf"(?P<name>.*?[^_])_(?:in_)?(?P<unit>{_SAFE}|[vanmsVANms])\Z", re.IGNORECASE)
+_CAMEL = {
+    "Rpm": "rpm",
+    "RPM": "rpm",
+    "Rps": "rps",
+    "Rad": "rad",
+    "Rads": "rad",
+    "Deg": "deg",
+    "Degrees": "deg",
+    "Radians": "rad",
+    "Rotations": "turns",
+    "Turns": "turns",
+    "Volts": "V",
+    "Millivolts": "mV",
+    "Mv": "mV",
+    "Amps": "A",
+    "Milliamps": "mA",
+    "Ma": "mA",
+    "Nm": "N·m",
+    "NewtonMeters": "N·m",
+    "Newtons": "N",
+    "Meters": "m",
+    "Millimeters": "mm",
+    "Mm": "mm",
+    "Ms": "ms",
+    "Us": "us",
+    "Sec": "s",
+    "Secs": "s",
+    "Seconds": "s",
+    "Celsius": "degC",
+    "Hz": "Hz",
+    "Percent": "%",
+}
+_IN_CAMEL = re.compile(rf"(?P<name>.*?[a-z\d])(?P<unit>{'|'.join(_CAMEL)})(?P<per>PerSec(?:ond)?|PerMin(?:ute)?)?\Z")
+"""Units at the end of a name in camel case, ``velocityRadPerSec``."""
 _WHOLE = re.compile(
     r"(?i:k?rpm|rev/min|rps|dps|deg(?:rees?)?(?:/s)?|rad/s|radps|mrad|turns/s|[mc]m/s|km/h|kmh)|[mc]m|m[AV]|kN|kgf|lbf"
 )
@@ -179,6 +213,10 @@ def _taken_apart(label: str) -> Heading:
     suffix = None if topic else _SUFFIX.match(name)
     if suffix is not None and not _TIME.match(name):
         return Heading(label, suffix["name"], suffix["unit"], suffix=True)
+    camel = _IN_CAMEL.match(name)
+    if camel is not None and not _TIME.match(name):
+        per = {"S": "/s", "M": "/min"}[camel["per"][3]] if camel["per"] else ""
+        return Heading(label, camel["name"], _CAMEL[camel["unit"]] + per, suffix=True)
     return Heading(label, name, name if _WHOLE.fullmatch(name) else "")
 
 

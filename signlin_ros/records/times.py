@@ -16,9 +16,9 @@ import numpy.typing as npt
 from signlin_ros import units
 from signlin_ros.errors import RecordError
 from signlin_ros.records import grammar
-from signlin_ros.records.header import TIME_KEYS, Heading, clock, names_a_time, pair, unit_of_time
+from signlin_ros.records.header import TIME_KEYS, Heading, clock, heading, names_a_time, pair, unit_of_time
 from signlin_ros.records.notes import Note
-from signlin_ros.records.table import listing, nearest
+from signlin_ros.records.table import Rows, listing, nearest
 
 if TYPE_CHECKING:
     from signlin_ros.records.clean import RawTable
@@ -82,6 +82,64 @@ def times_of(table: RawTable, signals: Mapping[str, str]) -> Times:
         return _as_said(table, spec)
     times = _found(table)
     return replace(times, notes=(*times.notes, *_contradicted(table, times)))
+
+
+def one_clock(table: RawTable) -> RawTable:
+    """The table with one time where every signal has its own in front of it, ``Time, a, Time, b``: a row for each stamp
+    of any, cells empty in between; others as they are.
+
+    Times that are the same to a part of a step are one.
+    """
+    stems = [_NUMBERED.sub(r"\1", head.name).lower() for head in table.headings]
+    timed = [k for k, head in enumerate(table.headings) if heading(stems[k]).time is not None and head.label]
+    same = len({(stems[k], table.headings[k].unit) for k in timed}) == 1
+    if len(timed) < 2 or timed[0] != 0 or not same or min(np.diff([*timed, len(stems)])) < 2:
+        return table
+    first = _column(
+        _only(table, 0), table.headings[0], (heading(stems[0]).time or (0, ""))[1] or table.headings[0].unit
+    )
+    raw = [table.columns[k] for k in timed]
+    known = [np.isfinite(column) for column in raw]
+    if not known[0].all() or any(
+        (np.diff(column[there]) <= 0.0).any() for column, there in zip(raw, known, strict=True)
+    ):
+        return table
+    steps = np.diff(first.t)
+    scale = float((first.t[-1] - first.t[0]) / (raw[0][-1] - raw[0][0]))
+    clocks = [(column - raw[0][0]) * scale + first.t[0] for column in raw]
+    ends = [*timed[1:], len(stems)]
+    groups = list(zip(clocks, known, timed, ends, strict=True))
+    if all(
+        np.array_equal(there, known[0]) and np.abs(t - clocks[0]).max() < NEAR * np.median(steps)
+        for t, there, *_ in groups
+    ):
+        return _without(table, timed[1:], "all times are the same to a part of a step: the first is taken")
+    stamps = np.unique(np.concatenate([t[there] for t, there, *_ in groups]))
+    columns, heads = [stamps], [Heading("t [s]", "t", "s")]
+    for t, there, begin, end in groups:
+        place = np.searchsorted(stamps, t[there])
+        for k in range(begin + 1, end):
+            column = np.full(stamps.shape, np.nan)
+            column[place] = table.columns[k][there]
+            columns.append(column)
+            heads.append(table.headings[k])
+    said = (
+        f"every signal has a time of its own in front of it: {', '.join(repr(table.headings[k].label) for k in timed)}"
+    )
+    rows = Rows(np.arange(1, stamps.size + 1))
+    return replace(
+        table, headings=heads, columns=columns, rows=rows, notes=(*table.notes, Note(said, "assumed")), exact={}
+    )
+
+
+def _only(table: RawTable, k: int) -> RawTable:
+    return replace(table, headings=[table.headings[k]], columns=[table.columns[k]])
+
+
+def _without(table: RawTable, lost: Sequence[int], why: str) -> RawTable:
+    kept = [k for k in range(len(table.headings)) if k not in lost]
+    heads, columns = [table.headings[k] for k in kept], [table.columns[k] for k in kept]
+    return replace(table, headings=heads, columns=columns, notes=(*table.notes, Note(why, "left_out")))
 
 
 def _contradicted(table: RawTable, times: Times) -> list[Note]:
@@ -380,8 +438,12 @@ SLOW_STEPS = ((1e5, "ns"), (500.0, "us"), (0.5, "ms"))
 """Steps in s from which on a time without a unit is rather in another one."""
 
 
+NEAR = 0.1
+"""Part of a step by which two clocks differ that are one."""
 MIN_RISING = 0.2
 """Part of the rows at which a time goes on at least: several may share a stamp."""
+_NUMBERED = re.compile(r"(.*?)[ _]?(?:\(column \d+\)|\d+)?\Z")
+"""A name, and the number behind it that tells it from others."""
 MIN_TICKS, CLOCKS_APART = 5.0, 10.0
 """A clock has gone on by so many of its steps before it is held against another, and by which factor two differ that
 are not in the units taken: a simulator's time and the calendar's may differ, too.

@@ -129,8 +129,17 @@ LOGGERS = {
     ),
     "topics.csv": "receive time,sequence,topic,value\n"
     + "\n".join(f"{7 + t},{k},a,{a}\n{7 + t},{k},b,{b}" for k, (t, a, b) in enumerate(ROWS)),
+    "minus.csv": "t,a,b\n" + "\n".join(f"{t},{a},{1e3 * b}e\u22123" for t, a, b in ROWS),
+    "names_over_lines.csv": '"Time\n(ms)","a\n(V)","b"\n' + "\n".join(f"{1e3 * t},{a},{b}" for t, a, b in ROWS),
+    "glued.csv": "t,a,b\n" + "\n".join(f"{1e3 * t}ms,{a}V,{b}A" for t, a, b in ROWS),
+    "no_marks.csv": "stamp,a,b\n" + "\n".join(f"20231130T1023{45 + t:09.6f}Z,{a},{b}" for t, a, b in ROWS),
+    "months.csv": "Time,a,b\n" + "\n".join(f"30-Nov-2023 10:23:{45 + t:09.6f},{a},{b}" for t, a, b in ROWS),
+    "names_of_days.csv": "Time,a,b\n" + "\n".join(f"Thu Nov 30 10:23:{45 + t:09.6f} 2023,{a},{b}" for t, a, b in ROWS),
+    "camel_case.csv": "timeMs,a,b\n" + "\n".join(f"{1e3 * t},{a},{b}" for t, a, b in ROWS),
+    "own_times.csv": "Time,a,Time,b\n" + "\n".join(f"{t},{a},{t + 1e-5},{b}" for t, a, b in ROWS),
     "of_the_pi.json": json.dumps(dict(zip(("pi_time", "a", "b"), zip(*ROWS, strict=True), strict=True))),
     "rows_alone.json": json.dumps({"test": "x", "fast": ROWS}),
+    "header_last.csv": "\n".join(f"{t},{a},{b}" for t, a, b in ROWS) + "\nt,a,b\n",
     "twice.csv": "t,a,b\n" + "\n".join(f"{t},{a},{b}\n{t},{a},{b}" for t, a, b in ROWS),
     "cut.csv": "t,a,b\n" + "\n".join(f"{t},{a},{b}" for t, a, b in ROWS) + "\n0.2,3\n",
 }
@@ -142,6 +151,7 @@ NAMES = {
     "blanks.txt": ("the a", "Motor b"),
     "tuples.txt": ("c2", "c3"),
     "rows_alone.json": ("c2", "c3"),
+    "header_last.csv": ("c2", "c3"),
     "a_line_each.txt": ("the a", "Motor b"),
     "members.txt": ("A", "B"),
     "messages_of_joints.csv": (".position[a]", ".position[b]"),
@@ -490,3 +500,44 @@ def test_a_file_of_another_kind_that_is_no_text_is_refused(tmp_path: Path) -> No
     (tmp_path / "run.rec").write_bytes(b"RIFF\x00\x00\x01\x02")
     with pytest.raises(RecordError, match=r"unknown kind '\.rec'"):
         read_record(tmp_path / "run.rec")
+
+
+def test_signals_with_times_of_their_own_beside_each_other(tmp_path: Path) -> None:
+    """Each is taken at its own times, though one stops before the other, and it is told."""
+    file = tmp_path / "scope.csv"
+    rows = [f"{1e3 * t},{a}," + (f"{2e3 * t},{b}" if k < 25 else ",") for k, (t, a, b) in enumerate(ROWS)]
+    file.write_text("\n".join(["Time_1 [ms],a,Time_2 [ms],b", *rows]) + "\n")
+    record = read_record(file)
+    for name, times, values in (
+        ("a", [t for t, _, _ in ROWS], [a for _, a, _ in ROWS]),
+        ("b", [2 * t for t, _, _ in ROWS[:25]], [b for _, _, b in ROWS[:25]]),
+    ):
+        there = np.isfinite(record.signals[name].values)
+        np.testing.assert_allclose(record.t[there], times, atol=1e-9)
+        np.testing.assert_allclose(record.signals[name].values[there], values)
+    assert any("every signal has a time of its own in front of it" in note for note in record.notes)
+
+
+def test_a_second_table_below_the_first_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "run.csv"
+    first, second = ([f"{t},{x}" for t, *both in ROWS for x in [both[k]]] for k in (0, 1))
+    file.write_text("\n".join(["t,a", *first, "", "t,b", *second]) + "\n")
+    with pytest.raises(RecordError, match=r"line 43, 't,b', names the columns of another table: put it"):
+        read_record(file)
+
+
+@pytest.mark.parametrize(
+    ("head", "unit", "factor"),
+    [
+        ("speedRpm", "rpm", np.pi / 30),
+        ("wheelVelocityDegPerSec", "deg/s", np.pi / 180),
+        ("VelocityRotationsPerSec", "turns/s", 2 * np.pi),
+        ("armVelocityRadPerSec", "rad/s", 1.0),
+    ],
+)
+def test_units_in_camel_case(head: str, unit: str, factor: float, tmp_path: Path) -> None:
+    file = tmp_path / "run.csv"
+    file.write_text(f"timeMs,AppliedVolts,{head}\n" + "\n".join(f"{1e3 * t},{a},{b}" for t, a, b in ROWS))
+    data = read_for_model(file, Model.load("dc_motor"), {"voltage": "AppliedVolts", "speed": head})
+    np.testing.assert_allclose(data.measured["speed"], [factor * b for _, _, b in ROWS], rtol=1e-9)
+    assert factor == 1.0 or any(f"speed is converted from {unit} to rad/s" in note for note in data.notes)

@@ -46,6 +46,10 @@ _WITH_COMMA, _WITH_POINT = (re.compile(_NUMBER_PATTERN.format(mark), re.MULTILIN
 _THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")
 _FORTRAN, EXPONENTS_LOOKED = re.compile(r"(?<=\d)[dD](?=[-+]\d{1,3}\b)"), 4000
 """Exponents as Fortran writes them, ``1.5D-03``; so many characters tell."""
+_MINUS = re.compile("\u2212(?=[\\d.,])")
+"""The sign that typesetting takes for a minus."""
+_BROKEN, HEADER_LOOKED = re.compile(r'(?:(?<=[,;\t\n])|\A)"[^"\n]{0,60}(?:\n[^"\n]{0,60}){1,3}"(?=[,;\t\n])'), 4000
+"""Names in quotes over several lines, as spreadsheets have them; so many characters hold them."""
 _HEX = re.compile(r"(?<![^\s,;|\"])0[xX]([0-9a-fA-F]{1,8})(?![^\s,;|\"])")
 """A cell that is a whole number of base 16."""
 _MAX_WHOLE = 2.0**53
@@ -96,6 +100,8 @@ def read_table(path: Path, source: str, keep: Keep, asked: Sequence[str] = ()) -
     told = plain(letters) or joint_states(letters, asked) or messages(letters)
     if told is not None:
         letters, notes = told[0], (*notes, told[1])
+    letters = _MINUS.sub("-", letters) if "\u2212" in letters else letters
+    letters = _BROKEN.sub(lambda cell: " ".join(cell[0].split()), letters[:HEADER_LOOKED]) + letters[HEADER_LOOKED:]
     if _FORTRAN.search(letters[:EXPONENTS_LOOKED]):
         letters = _FORTRAN.sub("e", letters)
     if _HEX.search(letters[:EXPONENTS_LOOKED]):

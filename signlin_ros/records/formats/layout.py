@@ -101,7 +101,7 @@ def layout(text: str, source: str) -> Layout:
         body, numbers, header_line, lines[kept[first - 1]] if unit_row and first else None
     )
     before = numbers
-    body, numbers, told = _without_messages(body, numbers, separator, width)
+    body, numbers, told = _without_messages(body, numbers, separator, width, names or [], source)
     runs = tuple(int(np.searchsorted(numbers, before[i])) for i in runs)
     body, numbers, foot = _without_foot(lines, body, numbers, separator)
     body, numbers, cut = _without_cut(body, numbers, separator, width, ended)
@@ -304,10 +304,11 @@ def _without_headers(
 
 
 def _without_messages(
-    body: list[str], numbers: Integers, separator: str, width: int
+    body: list[str], numbers: Integers, separator: str, width: int, names: Sequence[str], source: str
 ) -> tuple[list[str], Integers, list[Note]]:
     """The rows without lines that a program printed among them: these have another number of cells and begin with a
-    word, or hold nothing but words. A row of other cells beside one was cut off by it.
+    word, or hold nothing but words. A row of other cells beside one was cut off by it. Names for as many columns as
+    there are begin another table, which is refused.
     """
     counts = np.array([len(line.split()) if separator == " " else line.count(separator) + 1 for line in body])
     odd = (counts != width) & (counts != np.bincount(counts).argmax())
@@ -317,6 +318,13 @@ def _without_messages(
         return body, numbers, []
     messages = np.zeros(len(body), dtype=np.bool_)
     messages[looked] = [_is_message(body[i], separator, width) for i in looked]
+    for i in np.flatnonzero(messages & (counts == width)):
+        row = cells(body[i], separator)
+        if i + 1 < len(body) and len(set(row)) == width > 1 and (separator != " " or set(row) & set(names)):
+            raise RecordError(
+                f"{source}: line {numbers[i]}, {shortened(body[i])!r}, names the columns of another table: put it, and "
+                "the rows below it, into a file of their own"
+            )
     beside = np.concatenate([messages[1:], [False]]) | np.concatenate([[False], messages[:-1]])
     gone = messages | (odd & beside)
     if not gone.any():

@@ -19,6 +19,20 @@ _CLOCK = (
 _ELAPSED = r"(?:(?P<days>\d+) days? )?"
 _REST = r"\s*(?P<half>[AaPp][Mm])?\s*(?P<zone>Z|UTC|[-+]\d\d:?\d\d)?"
 _STAMP = re.compile(rf"^\s*{_DATE}{_ELAPSED}{_CLOCK}{_REST}\s*$", re.MULTILINE)
+_COMPACT = re.compile(r"^\s*(\d{4})(\d\d)(\d\d)[T_ -](\d\d)(\d\d)(\d\d)", re.MULTILINE)
+"""Dates without marks, ``20231130_102345``."""
+_YEAR = "jan feb mar apr may jun jul aug sep oct nov dec"
+_MONTHS = {name: k + 1 for k, name in enumerate(_YEAR.split())} | {"mrz": 3, "mär": 3, "mai": 5, "okt": 10, "dez": 12}
+_MONTH = rf"(?P<month>{'|'.join(_MONTHS)})[a-z]*\.?"
+_NAMED = tuple(
+    re.compile(rf"^\s*(?:[a-z]{{2,3}}[,.]? )?{form}", re.MULTILINE | re.IGNORECASE)
+    for form in (
+        rf"(?P<day>\d{{1,2}})[ .-]+{_MONTH}[ -](?P<year>\d{{4}})[ T](?P<clock>)",
+        rf"{_MONTH}[ -](?P<day>\d{{1,2}}),?[ -](?P<year>\d{{4}})[ T](?P<clock>)",
+        rf"{_MONTH} +(?P<day>\d{{1,2}}) (?P<clock>[\d:.]+) (?P<year>\d{{4}})$",
+    )
+)
+"""Dates with the names of months: ``30-Nov-2023 10:23``, ``Nov 30 2023 10:23``, ``Thu Nov 30 10:23:45 2023``."""
 _DAY = 86400.0
 
 _FORWARD = "f fw fwd forward forwards + +1 ccw right up on true open out positive pos p high vor vorw"
@@ -52,7 +66,8 @@ def times_of_day(cells: Sequence[str]) -> StampTimes | None:
     seconds), ``09:27:03;010``, ``9:7:3`` (no zeros in front), ``0 days 00:00:01.5`` (elapsed). Where a time of day has
     no date, one that falls by half a day or more begins the next day.
     """
-    found = _STAMP.findall("\n".join(cells))
+    text = "\n".join(cells)
+    found = _STAMP.findall(text) or _STAMP.findall(_in_numbers(text))
     if len(found) != len(cells) or not found:
         return None
     columns = dict(zip(_STAMP.groupindex, zip(*found, strict=True), strict=True))
@@ -63,6 +78,14 @@ def times_of_day(cells: Sequence[str]) -> StampTimes | None:
         return StampTimes(clock - clock[0] + _DAY * jumps, "times of day", cells[0])
     whole = (days - days[0]) * _DAY + _zone(columns["zone"])
     return StampTimes((whole - whole[0]) + (clock - clock[0]), "dates and times", cells[0])
+
+
+def _in_numbers(text: str) -> str:
+    """Return dates without marks, or with the names of months, as ``2023-11-30``."""
+    text = _COMPACT.sub(r"\1-\2-\3 \4:\5:\6", text)
+    for form in _NAMED:
+        text = form.sub(lambda m: f"{m['year']}-{_MONTHS[m['month'].lower()]}-{m['day']} {m['clock']}", text)
+    return text
 
 
 def _seconds(columns: dict[str, tuple[str, ...]]) -> Array:
