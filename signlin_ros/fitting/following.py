@@ -18,6 +18,7 @@ from signlin_ros.follow.data import acting
 from signlin_ros.follow.loop import MAX_SUBSTEPS, NONE_LATE, follow
 from signlin_ros.follow.segments import PreparedSegment, twin
 from signlin_ros.follow.tracking import mean_square
+from signlin_ros.par import declared_name
 
 Array = NDArray[np.float64]
 Followed = tuple[list[Array], list[Array], list[Array]]
@@ -26,7 +27,8 @@ Followed = tuple[list[Array], list[Array], list[Array]]
 LOAD_START_SPREAD = 0.3
 """How uncertain the start of a floating load is: parts of excursion, velocity."""
 MAX_PHASE_STEP, MAX_PHASE_RATIO = 0.8, 1.5
-"""Largest phase in rad by which a periodic force may turn in a substep, at that multiple of the RMS velocity."""
+"""Largest phase in rad by which a periodic force may turn in a substep, at that multiple of the RMS velocity; and
+within what a sensor cannot tell of a start."""
 MAX_REST_SPEED, MAX_START_SAMPLES, START_TIME_CONSTANTS = 0.02, 400, 3.0
 """Share of the RMS velocity of a record at rest; samples, and time constants, to which what is unknown is fitted."""
 MAX_START_DEVIATIONS, WAVES = 3.0, (-1.0, -2 / 3, -1 / 3, 1 / 3, 2 / 3, 1.0)
@@ -169,7 +171,7 @@ def _record_start(problem: Problem, c: Candidate, s: PreparedSegment, tau: float
     """
     twins = [n if n in s.start else twin(n, tuple(s.start)) for n in c.model.states]
     x0, (u, rows, *others) = np.array([s.start.get(n, 0.0) for n in twins]), rest
-    unknown = {**_unknown(problem, c, s), **_late_states(problem, s, others[4])} if s.whole else {}
+    unknown = {**_unknown(problem, c, s, others[0]), **_late_states(problem, s, others[4])} if s.whole else {}
     if not unknown:
         return x0
     eq, ny = c.equations, s.y.shape[1]
@@ -215,9 +217,10 @@ def _elsewhere(c: Candidate, key: tuple[Any, ...]) -> list[Start]:
     return [replace(one, changes=None) for one in others]
 
 
-def _unknown(problem: Problem, c: Candidate, s: PreparedSegment) -> dict[int, tuple[int, float]]:
+def _unknown(problem: Problem, c: Candidate, s: PreparedSegment, p: Array) -> dict[int, tuple[int, float]]:
     """Return the states whose start is fitted: what each moves with or -1, by how much it may be off (0: as far as it
-    gets from what it moves with). A velocity only where other channels than the position tell of it.
+    gets from what it moves with). A velocity only where other channels than the position tell of it; a position that is
+    shown only where forces turn within what its sensor cannot tell: else an observer knows as much of it.
     """
     names, plant = c.model.states, problem.base.plant
     unknown: dict[int, tuple[int, float]] = {}
@@ -232,9 +235,21 @@ def _unknown(problem: Problem, c: Candidate, s: PreparedSegment) -> dict[int, tu
         if plant.position in names and plant.position not in s.start:
             unknown[names.index(plant.position)] = (-1, 0.0)
     if c.angular and plant.position in s.start and plant.position in problem.channels:
-        noise = float(problem.noise[problem.channels.index(plant.position)])
-        unknown[names.index(plant.position)] = (-1, MAX_START_DEVIATIONS * noise)
+        reach = MAX_START_DEVIATIONS * float(problem.noise[problem.channels.index(plant.position)])
+        if _finest_order(c, p) * reach > MAX_PHASE_STEP:
+            unknown[names.index(plant.position)] = (-1, reach)
     return unknown
+
+
+def _finest_order(c: Candidate, p: Array) -> float:
+    """Return the largest order of the forces over the position; a weight is one of order one."""
+    names = [
+        f"{key}.{name}"
+        for key, use in c.model.effects.items()
+        for name in use.parameters
+        if declared_name(name) in EFFECTS[use.type].order_names()
+    ]
+    return max((abs(p[c.equations.parameters.index(name)]) for name in names), default=1.0)
 
 
 def _late_states(problem: Problem, s: PreparedSegment, lags: Array) -> dict[int, tuple[int, float]]:

@@ -44,7 +44,7 @@ from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import ModelError, SimulationError
 from signlin_ros.fitting.candidate import Candidate, candidate
 from signlin_ros.fitting.fit import Fit, evaluated, fit
-from signlin_ros.fitting.gains import linear_base
+from signlin_ros.fitting.gains import ObserverGains, linear_base
 from signlin_ros.fitting.prepare import stretched
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.follow.data import unit_asked
@@ -320,16 +320,20 @@ class OutputErrorEstimator(Minima):
         rugged = [t for t in trials(self.training, names) if t.effect.rugged]
         options = [t for t in rugged if not {t.name, *t.effect.contains} & set(of.effects)]
         self.progress.say(phrases.MANY_MINIMA)
-        middle = self.training.observer_gains[1]
-        seen = [evaluated(self.short, f.fit.candidate, f.fit.theta, middle, False) for f in rivals]
-        most, found = min((f.objective for f in seen if f), default=np.inf), list[FittedModel]()
+        most, at_once = (self._least_objective(rivals, gains) for gains in self.training.observer_gains[1::-1])
+        found = list[FittedModel]()
         for trial in options:
             for seed in range(1 if of.effects else EVOLUTIONS):
-                f = evolved_fit(self.short, self.best(of).fit, trial, self.in_parallel, seed)
+                f = evolved_fit(self.short, self.best(of).fit, trial, self.in_parallel, at_once, seed)
                 found += (new := self._all_finished(of, [f] if f else []))
                 if f is None or f.objective > most or not all(self._may_be_lower(one) for one in new):
                     break
         return list({one.kind: self.best(one) for one in found}.values())
+
+    def _least_objective(self, fits: Sequence[FittedModel], gains: ObserverGains) -> float:
+        """Return the least -2 log likelihood of some fits, as they are, with one observer."""
+        seen = [evaluated(self.short, f.fit.candidate.apart(), f.fit.theta, gains, False) for f in fits]
+        return min((f.objective for f in seen if f), default=np.inf)
 
     def _may_be_lower(self, f: FittedModel) -> bool:
         """Tell whether a fit with an effect of many minima errs by more than about the noise: others may be lower."""

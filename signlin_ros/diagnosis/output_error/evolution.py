@@ -22,8 +22,9 @@ Array = NDArray[np.float64]
 Each = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
 
 FOLLOWED_FIRST, FOLLOWED_BESIDE, PARENTS, CHILDREN, EVOLVED_KEPT = 64, 16, 10, 24, 4
-"""Of an effect with many minima: starts that get a few steps, fewer beside other effects, of which nothing is bred
-then; points that others are bred of, how many of these in each generation, and how many points a fit starts from."""
+"""Of an effect with many minima: starts that get a few steps, fewer beside other effects or where all are less likely
+than a rival, of which nothing is bred then; points that others are bred of, how many of these in each generation, and
+how many points a fit starts from."""
 GENERATIONS = (0.15, 0.15, 0.05)
 """How far a load may wander in a second for the observer of each generation, the first one of starts: one that trusts a
 wrong load loses it, and what it leaves then says nothing of which way the right one lies."""
@@ -35,11 +36,15 @@ DIFFERENCE, JITTER = 0.7, 0.15
 """Part of the difference of two points that is added to a third one, and the spread of what is drawn besides (log)."""
 
 
-def evolved_fit(problem: Problem, before: Fit, trial: Trial, each: Each, seed: int = 0) -> Fit | None:
+def evolved_fit(
+    problem: Problem, before: Fit, trial: Trial, each: Each, rival: float = np.inf, seed: int = 0
+) -> Fit | None:
     """Return the best fit of an effect with many local minima, as of what makes and breaks contact: the best of its
     positive starts get a few steps, and so do points that are bred of these [differential evolution: Storn and Price,
-    J. Global Optimization 11 (1997) 341, doi:10.1023/A:1008202821328]; the best of all are fitted. ``seed``: of what is
-    drawn; from 1 on the starts are shifted, too [Cranley and Patterson, SIAM J. Numer. Anal. 13 (1976) 904].
+    J. Global Optimization 11 (1997) 341, doi:10.1023/A:1008202821328]; the best of all are fitted. As long as all are
+    less likely than a ``rival`` of that objective at the same gain, though the observer moves the load for them, fewer
+    are followed, and nothing is bred of them. ``seed``: of what is drawn; from 1 on the starts are shifted, too
+    [Cranley and Patterson, SIAM J. Numer. Anal. 13 (1976) 904].
     """
     parts, (high, middle) = CandidateParts.of(before), problem.observer_gains[:2]
     c = parts.extended(trial.name, trial.starts[0]).candidate(problem)
@@ -63,10 +68,16 @@ def evolved_fit(problem: Problem, before: Fit, trial: Trial, each: Each, seed: i
         logs = low + np.mod(logs - low + draw.random(len(index)) * size, np.maximum(size, 1e-300))
     first = [_at(c, index, c.start(), values) for values in np.exp(logs).tolist()]
     beside = bool(before.candidate.label)
-    points = followed(GENERATIONS[0], 0, first)[: FOLLOWED_BESIDE if beside else FOLLOWED_FIRST]
-    points = followed(GENERATIONS[0], MIDDLE_STEPS, [f.theta for f in points])
+    points, count = followed(GENERATIONS[0], 0, first), FOLLOWED_FIRST
+
+    def in_vain() -> bool:
+        return beside or not points or points[0].objective > rival
+
+    if in_vain():
+        count = FOLLOWED_BESIDE
+    points = followed(GENERATIONS[0], MIDDLE_STEPS, [f.theta for f in points[:count]])
     for wander, last in zip(GENERATIONS[1:], GENERATIONS, strict=False):
-        if beside or len(points) < FEWEST_PARENTS:
+        if in_vain() or len(points) < FEWEST_PARENTS:
             break
         children = _bred(c, index, points[:PARENTS], draw)
         if wander != last:
