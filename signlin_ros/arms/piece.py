@@ -72,6 +72,11 @@ def _noisy_from(f: Array, power: Array, rate: float) -> Array:
     return np.array(found)
 
 
+def widest_band(runs: Sequence[ArmRun]) -> float:
+    """Return the widest cut-off in Hz that is chosen, whatever the motion."""
+    return float(f"{1.0 / OF_RATE / max(run.step for run in runs):.2g}")
+
+
 class SoftSigns(NumpyMath):
     """Evaluates laws with a sign of the velocity that is as uncertain as the velocity's noise makes it."""
 
@@ -237,4 +242,4 @@ class RegressionRows:
         return np.bincount(self.joint, minlength=self.n)
 
 
-__all__ = ["ArmSegment", "RegressionRows", "SoftSigns", "chosen_band"]
+__all__ = ["ArmSegment", "RegressionRows", "SoftSigns", "chosen_band", "widest_band"]

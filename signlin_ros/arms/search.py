@@ -82,7 +82,8 @@ class State:
     the motor's inertia is not in it; ``known``: laws that are not searched for; ``lumped`` (10 n,): the
     inertia of a payload that was found, as that of a point, which its columns leave out; ``spread``: standard deviation
     of a record's size of friction around one, 0 where friction is the same in all; ``change``: the same of its change
-    within a record; ``lightest``: the record that carries least, where payloads differ.
+    within a record; ``lightest``: the record that carries least, where payloads differ; ``asked``: the friction for
+    laws in the place of which is searched, and for no others.
     """
 
     robot: Robot
@@ -102,6 +103,7 @@ class State:
     spread: float = 0.0
     change: float = 0.0
     lightest: int | None = None
+    asked: str = ""
     terms: list[tuple[Key, JointLaw | None]] = field(default_factory=list)
     found: list[SearchResult] = field(default_factory=list)
 
@@ -228,11 +230,13 @@ class State:
             for law in (law for law in EXTRA if not behind or find_effect(law.effect, "effects").external):
                 key = Key(law.effect, i)
                 kin = any(k.at == i and w is not None and w.base and w.base == law.base for k, w in self.terms)
-                if kin or any(key.same(other) for other in taken):
+                if kin or any(key.same(other) for other in taken) or law.base != (self.asked or law.base):
                     continue
                 yield from ((replace(key, shape=shape), law) for shape in shapes(law, self.rows, i))
             of_record = (GAIN,) if behind else (GAIN, "compliant_load", DELAY, ZERO)
-            yield from ((Key(name, i), None) for name in of_record if Key(name, i) not in taken)
+            yield from ((Key(name, i), None) for name in of_record if Key(name, i) not in taken and not self.asked)
+        if self.asked:
+            return
         of_all = {"payload": self.payload_at is not None, TILT: self.tilts, DELAY: self.tilts}
         yield from ((Key(name, -1), None) for name, may in of_all.items() if may and Key(name, -1) not in taken)
 

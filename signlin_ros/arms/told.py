@@ -158,7 +158,15 @@ def _cannot(study: Study, i: int) -> list[str]:
     joint = study.robot.joints[i]
     if joint.parent < 0 and not joint.prismatic:
         found.append("the inertia of its motor from that of its own link about the same axis")
+    if joint.prismatic and not _turned(study, i):
+        found.append("the mass that it moves from its motor's inertia and a constant load along it")
     return found
+
+
+def _turned(study: Study, i: int) -> bool:
+    """Tell whether a joint that turns carries a joint, which then stands otherwise towards gravity."""
+    parent = study.robot.joints[i].parent
+    return parent >= 0 and (not study.robot.joints[parent].prismatic or _turned(study, parent))
 
 
 def _too_small(diagnosis: ArmDiagnosis, i: int) -> list[str]:
@@ -178,6 +186,10 @@ def _too_small(diagnosis: ArmDiagnosis, i: int) -> list[str]:
     if stiffness > 0.0:
         unit = f"{joint.effort_unit}/{joint.position_unit}"
         found.append(f"whether its gear is elastic, if it is stiffer than {stiffness:.2g} {unit}")
+    if ZERO in sizes:
+        most, much = sizes[ZERO], float(np.inf) if joint.prismatic else 1.0
+        less = f", by less than {most:.2g} {joint.position_unit}"
+        found.append(f"whether the zero of its encoder is off{less if most < much else HARDLY}")
     return found
 
 
@@ -438,6 +450,8 @@ def _turning(diagnosis: ArmDiagnosis, a: str, b: str) -> str:
     return f"{said}, and their efforts are the motors'" if study.model.arm_plant.at_motor[i] else said
 
 
+HARDLY = ", as efforts hardly depend on its position"
+"""Why a zero is not told at all: a turn by a radian or more would not show."""
 CANNOT = (
     "whether all efforts are off by one factor: every residual scales with it (weigh a known payload)",
     "friction at standstill: rows in which a joint stands still are left out",

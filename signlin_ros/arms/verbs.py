@@ -24,6 +24,7 @@ from signlin_ros.arms.loaded import Loaded, loaded
 from signlin_ros.arms.notes import paying
 from signlin_ros.arms.proposal import Proposal, proposal
 from signlin_ros.arms.relief import Relief, relief
+from signlin_ros.arms.reversals import band_of_reversals, of_reversals
 from signlin_ros.arms.rivals import rivals_left
 from signlin_ros.arms.search import MIN_COEFFICIENT_ERRORS, MIN_VALIDATION_SHARE, State, search, settled
 from signlin_ros.arms.shape import shaped
@@ -214,6 +215,20 @@ def diagnose(
         from signlin_ros.arms.carrying import carried
 
         return carried(comparison)
+    found = _put_right(comparison, progress)
+    told, before, coupled = found if band is not None else _with_reversals(found, model, known, unseen, progress)
+    progress(f"windows of {WINDOW:g} s")
+    told = replace(_witnessed(told), detectable=detectable(told.state, told.estimate))
+    told = told_with(told, before)
+    return replace(told, couplings=tuple(dict.fromkeys([*coupled, *told.couplings])))
+
+
+_Told = tuple[ArmDiagnosis, list[Fault], list[tuple[str, str]]]
+"""A diagnosis without witnesses, the faults that were put right before it, and couplings whose efforts were."""
+
+
+def _put_right(comparison: ArmComparison, progress: Progress) -> _Told:
+    """Return a diagnosis of efforts at the joints, and of records without faults that a model's file can hold."""
     comparison, coupled = _at_joints(comparison, progress)
     told, before, known_faults = _searched(comparison, progress), list[Fault](), frozenset[Key]()
     while law := next((law for law in FAULTS if faults(told, law)), None):
@@ -227,10 +242,23 @@ def diagnose(
             continue
         before.append(Fault(told, tuple(laws)))
         told, comparison, known_faults = put, own, again
-    progress(f"windows of {WINDOW:g} s")
-    told = replace(_witnessed(told), detectable=detectable(told.state, told.estimate))
-    told = told_with(told, before)
-    return replace(told, couplings=tuple(dict.fromkeys([*coupled, *told.couplings])))
+    return told, before, coupled
+
+
+def _with_reversals(
+    told: _Told, model: ArmModel, known: Sequence[ArmRun], unseen: Sequence[ArmRun], progress: Progress
+) -> _Told:
+    """Return a diagnosis in a wider band than that of the motion, where a law of reversals shows in it."""
+    study = told[0].comparison.study
+    band = band_of_reversals(study, told[0].state, progress)
+    if band is None:
+        return told
+    wide = _put_right(compare(model, known, unseen, band, progress), progress)
+    if not any(map(of_reversals, wide[0].found)):
+        return told
+    said = f"band: {band:g} Hz, and not that of the motion, {study.band:g} Hz, in which reversals hardly show"
+    wide[0].comparison.study.notes.append(said)
+    return wide
 
 
 def _at_joints(comparison: ArmComparison, progress: Progress) -> tuple[ArmComparison, list[tuple[str, str]]]:
