@@ -30,7 +30,7 @@ from signlin_ros.filters import slope
 from signlin_ros.model.arm import ArmModel
 from signlin_ros.plants.arm import GAIN_PARAMETER
 from signlin_ros.records import ModelData
-from signlin_ros.robots import inverse_dynamics, regressor
+from signlin_ros.robots import Joint, inverse_dynamics, regressor
 
 Array = NDArray[np.float64]
 GENERIC: tuple[type[Check], ...] = (AsRead, RepeatedValues, Jitter, SparseChannel)
@@ -38,7 +38,7 @@ GENERIC: tuple[type[Check], ...] = (AsRead, RepeatedValues, Jitter, SparseChanne
 QUANTITIES = ("position", "velocity", "effort")
 MIN_FINITE_SHARE = 0.9
 """Part of the samples of the densest channel that every other one needs."""
-DEGREE = np.pi / 180.0
+DEGREE, MILLIMETRE = np.pi / 180.0, 1e-3
 ALIKE = 0.9
 """Correlation from which on two signals are the same."""
 SLOPE_TOLERANCE = 0.2
@@ -178,19 +178,25 @@ def _wrong_rate(model: ArmModel, record: ModelData, i: int, factor: float) -> Fi
     name, joint = model.robot.names[i], model.robot.joints[i]
     said = f"{name}.position changes {factor:.3g} times as fast as {name}.velocity says"
     channel = f"{name}.velocity"
-    if not joint.prismatic and abs(factor * DEGREE - 1.0) < SLOPE_TOLERANCE:
-        cure = changed(f"{name}.position", lambda q: q * DEGREE)
-        ways, action = (f"{name}_position_in_deg", "the position is taken as degrees"), cure
-        return _found("unit", f"{name}.position", "refuse", f"{said}: it looks to be in degrees", *ways, action=action)
-    if not joint.prismatic and abs(factor / DEGREE - 1.0) < SLOPE_TOLERANCE:
-        cure = changed(channel, lambda v: v * DEGREE)
-        ways, action = (f"{name}_velocity_in_deg", "the velocity is taken as degrees per s"), cure
-        return _found("unit", channel, "refuse", f"{said}: it looks to be in degrees per s", *ways, action=action)
+    size, short, unit = _other_unit(joint)
+    if abs(factor * size - 1.0) < SLOPE_TOLERANCE:
+        cure = changed(f"{name}.position", lambda q: q * size)
+        ways, action = (f"{name}_position_in_{short}", f"the position is taken as {unit}"), cure
+        return _found("unit", f"{name}.position", "refuse", f"{said}: it looks to be in {unit}", *ways, action=action)
+    if abs(factor / size - 1.0) < SLOPE_TOLERANCE:
+        cure = changed(channel, lambda v: v * size)
+        ways, action = (f"{name}_velocity_in_{short}", f"the velocity is taken as {unit} per s"), cure
+        return _found("unit", channel, "refuse", f"{said}: it looks to be in {unit} per s", *ways, action=action)
     if abs(factor + 1.0) < SLOPE_TOLERANCE:
         ways, action = (f"turn_{name}_velocity", "its sign is turned"), changed(channel, np.negative)
         return _found("sign", channel, "refuse", f"{said}: the signs of the two differ", *ways, action=action)
     why = "the unit of the time or of one of the two, or a gear between them"
     return _found("unit", channel, "refuse", f"{said}: {why}")
+
+
+def _other_unit(joint: Joint) -> tuple[float, str, str]:
+    """Return the unit in which a joint's position may be recorded beside rad (m): its size, its symbol and its name."""
+    return (MILLIMETRE, "mm", "millimetres") if joint.prismatic else (DEGREE, "deg", "degrees")
 
 
 def _pieces(model: ArmModel, record: ModelData) -> list[ArmSegment]:
@@ -219,14 +225,40 @@ def _limits(model: ArmModel, record: ModelData) -> Iterator[Finding]:
             unit = joint.position_unit
             said = f"{name}.position goes from {q.min():.3g} to {q.max():.3g} {unit}, its URDF allows"
             said = f"{said} {low:.3g} to {high:.3g} {unit}"
-            degrees = not joint.prismatic and low - room <= q.min() * DEGREE and q.max() * DEGREE <= high + room
-            if degrees and np.ptp(q) > 2.0 * (high - low):
-                cure = changed(f"{name}.position", lambda values: values * DEGREE)
-                ways, action = (f"{name}_position_in_deg", "it is taken as degrees"), cure
-                yield _found("unit", f"{name}.position", "refuse", f"{said}: degrees?", *ways, action=action)
+            size, short, other = _other_unit(joint)
+            within = low - room <= q.min() * size and q.max() * size <= high + room
+            if within and np.ptp(q) > 2.0 * (high - low):
+                cure, both = _in_other_unit(record, name, size)
+                what = "it and its velocity are" if both else "it is"
+                ways, action = (f"{name}_position_in_{short}", f"{what} taken as {other}"), cure
+                yield _found("unit", f"{name}.position", "refuse", f"{said}: {other}?", *ways, action=action)
             else:
                 yield _found("limits", f"{name}.position", "note", f"{said}: another zero, or another robot")
         yield from _beyond(model, record, name, limits)
+
+
+def _in_other_unit(record: ModelData, name: str, size: float) -> tuple[Callable[[ModelData], ModelData], bool]:
+    """Return the cure of a position in a unit of a size, and whether the velocity beside it is in the same one."""
+    v = record.measured.get(f"{name}.velocity")
+    if v is None:
+        return changed(f"{name}.position", lambda values: values * size), False
+    q = record.measured[f"{name}.position"]
+    good = np.isfinite(q) & np.isfinite(v)
+    step = float(np.median(np.diff(record.t[good])))
+    rate = slope(q[good], step)
+    both = abs(float(rate @ v[good]) / max(float(v[good] @ v[good]), 1e-300) - 1.0) < SAME_UNIT
+    names = [f"{name}.position", f"{name}.velocity"][: 1 + both]
+
+    def cure(record: ModelData) -> ModelData:
+        for one in names:
+            record = changed(one, lambda values: values * size)(record)
+        return record
+
+    return cure, both
+
+
+SAME_UNIT = 0.5
+"""Part by which a position may change otherwise than its velocity says, and both be in one unit."""
 
 
 def _beyond(model: ArmModel, record: ModelData, name: str, limits: dict[str, float]) -> Iterator[Finding]:

@@ -32,7 +32,7 @@ ALIASES = ("position", "velocity", "effort")
 _JOINT_WORDS = {
     "position": ("position", "pos", "angle", "q"),
     "velocity": ("velocity", "vel", "speed", "qd", "dq"),
-    "effort": ("effort", "torque", "tau"),
+    "effort": ("effort", "torque", "tau", "force"),
 }
 """What is behind the name of a joint in a table of several."""
 _NAME_OF = re.compile(r"(?P<stem>.*?)name(?P<number>_?\d+|\[\d+\])\Z")

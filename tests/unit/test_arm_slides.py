@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from signlin_ros.arms.data import ArmRun
+from signlin_ros.arms.check import check
+from signlin_ros.arms.data import ArmRun, read_data
 from signlin_ros.arms.notes import weigh
 from signlin_ros.arms.study import study
 from signlin_ros.arms.verbs import diagnose
@@ -62,3 +63,29 @@ def test_friction_that_the_file_leaves_out_is_told_of_a_joint_that_slides():
 def test_a_weight_tells_a_lifts_gain_wherever_it_is():
     assert "off its axis" in weigh(prismatic=False)
     assert "off its axis" not in weigh(prismatic=True)
+
+
+@pytest.mark.parametrize(
+    ("scale", "wanted"),
+    [
+        ((1e3, 1e3), {"lift_position_in_mm"}),
+        ((1e3, 1.0), {"lift_position_in_mm"}),
+        ((1.0, 1e3), {"lift_velocity_in_mm"}),
+        ((1.0, 1.0), set()),
+    ],
+    ids=["both", "position", "velocity", "none"],
+)
+def test_a_slide_in_millimetres_is_seen_and_cured(tmp_path, scale, wanted):
+    one, names = run(1, 0.1), ("turn", "lift")
+    shown = [one.q * [1.0, scale[0]], one.v * [1.0, scale[1]], one.tau]
+    what = ("pos", "vel", "force")
+    head = ",".join(["t [s]", *(f"{name}_{word}" for word in what for name in names)])
+    path = tmp_path / "column.csv"
+    np.savetxt(path, np.column_stack([one.t, *shown]), delimiter=",", header=head, comments="")
+    records = read_data(model(), [str(path)], {})
+    _, findings = check(model(), records)
+    assert {f.cure for f in findings if f.severity == "refuse"} == wanted
+    (cured,), left = check(model(), records, sorted(wanted))
+    assert not any(f.open for f in left)
+    np.testing.assert_allclose(cured.measured["lift.position"], one.q[:, 1])
+    np.testing.assert_allclose(cured.measured["lift.velocity"], one.v[:, 1])

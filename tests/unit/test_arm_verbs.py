@@ -91,10 +91,12 @@ def test_what_is_wrong_is_told_of_its_joint(tmp_path, case):
         assert neighbours == {wanted[1].partition(".")[0]}
 
 
-def test_a_cure_puts_it_right(tmp_path):
+@pytest.mark.parametrize("v", [V, np.degrees(V)], ids=["positions", "velocities, too"])
+def test_a_cure_puts_it_right(tmp_path, v):
     cures = [f"{name}_position_in_deg" for name in NAMES]
-    (cured,), findings = found(tmp_path, q=np.degrees(Q), cures=cures)
+    (cured,), findings = found(tmp_path, q=np.degrees(Q), v=v, cures=cures)
     np.testing.assert_allclose(cured.measured["elbow.position"], Q[:, 2], atol=1e-5)
+    np.testing.assert_allclose(cured.measured["elbow.velocity"], V[:, 2], atol=1e-5)
     assert not any(f.open for f in findings)
 
 
