@@ -23,6 +23,7 @@ from signlin_ros.checks.spare_temperature import SpareTemperature
 from signlin_ros.checks.sparse_channel import SparseChannel
 from signlin_ros.checks.speed_command import SpeedCommand
 from signlin_ros.checks.time_unit import TimeUnit
+from signlin_ros.checks.too_fast import TooFast
 from signlin_ros.checks.two_sources import TwoSources
 from signlin_ros.checks.unit_or_sign import UnitOrSign
 from signlin_ros.checks.unsigned_input import UnsignedInput
@@ -42,6 +43,7 @@ CHECKS: tuple[type[Check], ...] = (
     Clipped,
     NoMotion,
     TimeUnit,
+    TooFast,
     UnsignedInput,
     UnsignedSpeed,
     PositionCommand,

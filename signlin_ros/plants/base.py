@@ -119,6 +119,11 @@ class Plant(HasPars):
         """Return default values of optional inputs, in SI units; ``values`` are the plant's parameters."""
         return dict.fromkeys(cls.optional_inputs, 0.0)
 
+    @classmethod
+    def free_speed(cls, values: Mapping[str, float]) -> float | None:
+        """Return the speed that the motor reaches without a load, in SI units; None where that is not known."""
+        return None
+
     def rates(self, m: Any, x: Any, u: Any, p: Any, act: Acting) -> dict[str, Any]:
         """Return the derivative of every state of the plant and the value of every output, by name."""
         raise NotImplementedError

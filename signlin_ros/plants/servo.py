@@ -74,6 +74,11 @@ class Servo(Plant):
         return {"torque_enable": 1.0, "supply": values["vin"], "goal_velocity": 0.0}
 
     @classmethod
+    def free_speed(cls, values: Mapping[str, float]) -> float | None:
+        """Return the speed in rad/s at which the back-EMF is what the loop puts out at most."""
+        return float(values["duty_limit"] * values["vin"] / values["K_t"])
+
+    @classmethod
     def moved(cls, values: Mapping[str, float]) -> float:
         """Return the inertia of rotor, gear and load in kg·m²."""
         load = (values["mass"] + values["arm_mass"] / 3) * values["length"] ** 2

@@ -1,6 +1,7 @@
 """A servo: its loop, what is known of its records, and logs as BAM writes them."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from signlin_ros.checks.look import Look
+from signlin_ros.checks.too_fast import TooFast
 from signlin_ros.checks.unit_or_sign import _consistent
 from signlin_ros.errors import ModelError, RecordError
 from signlin_ros.fitting.prepare import held_in_turn
@@ -381,3 +383,33 @@ def test_tables_of_several_records_have_names_of_their_own():
     ]
     found = compare(servo(with_inputs=()), columns, cures=["none"])
     assert found.sources == ("table 1", "table 2")
+
+
+WAYS = {"degrees": (180.0 / np.pi, 0.0, slice(0, 2)), "counts": (2048.0 / np.pi, 2048.0, slice(2, 4))}
+"""How many of it a rad is, what it is at 0 rad, and where in a refusal it is said how to say so."""
+
+
+@pytest.mark.parametrize("kp", [100.0, 400.0, 1600.0])
+def test_positions_that_no_motor_follows_are_told_and_those_in_rad_never_are(kp):
+    model = servo(with_inputs=[], kp=kp)
+    for seed in range(20):
+        run = simulated(kp, seed)
+        assert not list(TooFast().find(Look(model, run)))
+        for scale, zero, _ in WAYS.values():
+            measured = {"position": scale * run.measured["position"] + zero}
+            (found,) = TooFast().find(Look(model, replace(run, u=scale * run.u + zero, measured=measured)))
+            assert (found.severity, found.channel) == ("refuse", "position")
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_what_is_said_of_the_unit_of_a_servo_reads_it(way, tmp_path):
+    model, run = servo(with_inputs=[]), simulated(400.0, 1)
+    scale, zero, place = WAYS[way]
+    rows = zip(run.t, scale * run.u[:, 0] + zero, scale * run.measured["position"] + zero, strict=True)
+    file = tmp_path / "run.csv"
+    file.write_text("\n".join(["t,goal_position,present", *(f"{t:.3f},{g:.9g},{x:.9g}" for t, g, x in rows)]) + "\n")
+    (found,) = TooFast().find(Look(model, read_for_model(file, model, {"position": "present"})))
+    said = dict(part.split(" = ", 1) for part in re.findall(r"--signal '(.*?)'", found.sentence)[place])
+    data = read_for_model(file, model, said)
+    np.testing.assert_allclose(data.measured["position"], run.measured["position"], atol=1e-5)
+    np.testing.assert_allclose(data.u[:, 0], run.u[:, 0], atol=1e-5)
