@@ -8,7 +8,7 @@ time stamp not finite        refused, row named
 a few rows came late         sorted in, with a note
 time begins anew             cut into runs, with a note
 rows in no order             refused, row named
-equal stamps                 identical rows: all but one dropped, with a note; else refused
+equal stamps                 identical rows, or few: all but one dropped, with a note; else refused
 infinite value               refused, row and column named
 NaN, empty cell              a missing sample, kept as NaN
 missing rows, uneven steps   kept, with a note; after a long gap everything starts anew
@@ -259,22 +259,36 @@ def _without_repeats(table: RawTable, t: Array) -> tuple[RawTable, Array]:
         said = f"its clock counts in steps of {tick:.3g} s, and rows share a stamp"
         said = f"{said}: taken as evenly spaced, {step:.4g} s apart"
         return replace(table, notes=(*table.notes, Note(said, "assumed", "t"))), even
-    for head, column in zip(table.headings, table.columns, strict=True):
-        now, before = column[again], column[again - 1]
-        differ = (now != before) & ~(np.isnan(now) & np.isnan(before))
-        if differ.any():
-            i = int(again[np.argmax(differ)])
-            rows = f"{table.rows.name(i - 1)} and {table.rows.name(i)}"
-            values = f"{head.label!r} is {_shown(column[i - 1])} and {_shown(column[i])}"
-            others = int(np.count_nonzero(differ)) - 1
-            more = f"; so do {others} more" if others else ""
-            way = "where the rows are evenly spaced, --dt says by how much"
-            raise RecordError(f"{table.source}: {rows} have the same time stamp but differ: {values}{more}; {way}")
+    apart = [(head, column, _differ(column[again], column[again - 1])) for head, column in _pairs(table)]
+    either = np.any([differ for *_, differ in apart], axis=0) if apart else np.zeros(again.size, dtype=np.bool_)
+    if either.sum() > MANY_GAPS * t.size:
+        head, column, differ = next(one for one in apart if one[2].any())
+        i = int(again[np.argmax(differ)])
+        where = f"{table.rows.name(i - 1)} and {table.rows.name(i)}"
+        values = f"{head.label!r} is {_shown(column[i - 1])} and {_shown(column[i])}"
+        others = int(np.count_nonzero(differ)) - 1
+        more = f"; so do {others} more" if others else ""
+        way = "where the rows are evenly spaced, --dt says by how much"
+        raise RecordError(f"{table.source}: {where} have the same time stamp but differ: {values}{more}; {way}")
     keep = np.ones(t.size, dtype=np.bool_)
     keep[again] = False
-    count = "1 repeated row" if again.size == 1 else f"{again.size} repeated rows"
-    said = f"{count} dropped (same stamp, same values), the first {table.rows.name(again[0])}"
-    return table.take(keep, Note(said, "repeated")), t[keep]
+    notes = []
+    for rows, why in (
+        (again[~either], "same stamp, same values"),
+        (again[either], "the stamp of the row before, others"),
+    ):
+        if rows.size:
+            count = "1 repeated row" if rows.size == 1 else f"{rows.size} repeated rows"
+            notes.append(Note(f"{count} dropped ({why}), the first {table.rows.name(rows[0])}", "repeated"))
+    return table.take(keep, *notes), t[keep]
+
+
+def _pairs(table: RawTable) -> Iterable[tuple[Heading, Array]]:
+    return zip(table.headings, table.columns, strict=True)
+
+
+def _differ(now: Array, before: Array) -> npt.NDArray[np.bool_]:
+    return np.asarray((now != before) & ~(np.isnan(now) & np.isnan(before)))
 
 
 def _counted(t: Array) -> Array | None:

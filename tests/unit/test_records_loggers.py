@@ -541,3 +541,18 @@ def test_units_in_camel_case(head: str, unit: str, factor: float, tmp_path: Path
     data = read_for_model(file, Model.load("dc_motor"), {"voltage": "AppliedVolts", "speed": head})
     np.testing.assert_allclose(data.measured["speed"], [factor * b for _, _, b in ROWS], rtol=1e-9)
     assert factor == 1.0 or any(f"speed is converted from {unit} to rad/s" in note for note in data.notes)
+
+
+def test_a_few_rows_of_one_tick_are_dropped_and_told(tmp_path: Path) -> None:
+    """A robot's log at 500 Hz that now and then has two samples of one tick."""
+    file = tmp_path / "robot.csv"
+    rows = [f"{0.002 * k:.3f},{np.sin(0.02 * k):.6f}" for k in range(200)]
+    for k in (150, 90, 40):
+        rows.insert(k + 1, rows[k] if k == 90 else f"{0.002 * k:.3f},0.5")
+    file.write_text("\n".join(["timestamp,q", *rows]) + "\n")
+    record = read_record(file)
+    np.testing.assert_allclose(record.t, 0.002 * np.arange(200), atol=1e-9)
+    np.testing.assert_allclose(record.signals["q"].values, np.sin(0.02 * np.arange(200)), atol=1e-6)
+    said = " ".join(record.notes)
+    assert "1 repeated row dropped (same stamp, same values)" in said
+    assert "2 repeated rows dropped (the stamp of the row before, others)" in said
