@@ -253,6 +253,9 @@ def _without_repeats(table: RawTable, t: Array) -> tuple[RawTable, Array]:
     if not again.size:
         return table, t
     whole = all(np.array_equal(column[again], column[again - 1], equal_nan=True) for column in table.columns)
+    merged = None if whole else _completed(table, t)
+    if merged is not None:
+        return merged
     even = None if whole else _counted(t)  # rows that are there twice say nothing of the clock
     if even is not None:
         tick, step = float(np.median(np.diff(np.unique(t)))), float(even[1] - even[0])
@@ -281,6 +284,24 @@ def _without_repeats(table: RawTable, t: Array) -> tuple[RawTable, Array]:
             count = "1 repeated row" if rows.size == 1 else f"{rows.size} repeated rows"
             notes.append(Note(f"{count} dropped ({why}), the first {table.rows.name(rows[0])}", "repeated"))
     return table.take(keep, *notes), t[keep]
+
+
+def _completed(table: RawTable, t: Array) -> tuple[RawTable, Array] | None:
+    """Return one row for each stamp where rows that share one have values in different columns, and those that both
+    have are the same; None where any differ.
+    """
+    group = np.concatenate([[0], np.cumsum(np.diff(t) != 0)])
+    first = np.concatenate([[True], np.diff(group) > 0])
+    columns = []
+    for column in table.columns:
+        there = np.flatnonzero(np.isfinite(column))
+        values = np.full(int(group[-1]) + 1, np.nan)
+        values[group[there]] = column[there]
+        if not np.array_equal(values[group[there]], column[there]):
+            return None
+        columns.append(values)
+    said = f"{t.size - len(columns[0])} rows are part of the row before, whose stamp they have: put together"
+    return replace(table.take(first, Note(said, "format")), columns=columns), t[first]
 
 
 def _pairs(table: RawTable) -> Iterable[tuple[Heading, Array]]:

@@ -137,6 +137,7 @@ LOGGERS = {
     "names_of_days.csv": "Time,a,b\n" + "\n".join(f"Thu Nov 30 10:23:{45 + t:09.6f} 2023,{a},{b}" for t, a, b in ROWS),
     "camel_case.csv": "timeMs,a,b\n" + "\n".join(f"{1e3 * t},{a},{b}" for t, a, b in ROWS),
     "own_times.csv": "Time,a,Time,b\n" + "\n".join(f"{t},{a},{t + 1e-5},{b}" for t, a, b in ROWS),
+    "a_row_each.csv": "t,a,b\n" + "\n".join(f"{t},{a},\n{t},,{b}" for t, a, b in ROWS),
     "of_the_pi.json": json.dumps(dict(zip(("pi_time", "a", "b"), zip(*ROWS, strict=True), strict=True))),
     "rows_alone.json": json.dumps({"test": "x", "fast": ROWS}),
     "header_last.csv": "\n".join(f"{t},{a},{b}" for t, a, b in ROWS) + "\nt,a,b\n",
