@@ -557,3 +557,16 @@ def test_a_few_rows_of_one_tick_are_dropped_and_told(tmp_path: Path) -> None:
     said = " ".join(record.notes)
     assert "1 repeated row dropped (same stamp, same values)" in said
     assert "2 repeated rows dropped (the stamp of the row before, others)" in said
+
+
+def test_a_labview_file_whose_x_begins_anew_at_every_write_has_no_time(tmp_path: Path) -> None:
+    """What is to be said is said, and reads it; a channel that holds nothing is left out."""
+    file = tmp_path / "writes.lvm"
+    head = LVM.replace("X_Columns\tNo", "X_Columns\tOne") + "***End_of_Header***\nX_Value\ta\tb\tComment\n"
+    file.write_text(head + "".join(f"0.0\t{k}.5\tNaN\n0.1\t{k}.25\tNaN\n" for k in range(60)))
+    with pytest.raises(RecordError, match=r"no time column.*it has 'a'.*--dt"):
+        read_record(file)
+    record = read_record(file, {"t": "0.05"})
+    assert list(record.signals) == ["a"]
+    assert len(record) == 120
+    assert any("its X begins anew 60 times, at every write, and is no time" in note for note in record.notes)

@@ -43,6 +43,8 @@ _TUPLE, LABEL_ROWS = re.compile(r"[ \t]*[(\[][^()\[\]\n]*[)\]],?[ \t]*", re.MULT
 _LISTS = re.compile(r'^[^"\[{]+\n(?:[^\n]*?[,;\t])?"[\[(]\s*[-+.\d]')
 VOLTS = ("volt", "volts", "v")
 """What an oscilloscope calls what a probe shows, whatever that measures: no unit of it."""
+MAX_WRITES = 50
+"""Times that the X of a LabVIEW file begins anew at most: of more writes it counts each by itself."""
 TICKS = 1e-7
 """What the stamps of TwinCAT count in, in s, where it is not ms."""
 
@@ -120,11 +122,16 @@ def _labview(lines: Sequence[str]) -> Plain | None:
             both[0].append(t)
             both[1].append(y)
     whole = [(name, np.concatenate(t), np.concatenate(y)) for name, (t, y) in tracks.items()]
+    whole = [track for track in whole if track[1].size]
     one = bool(whole) and all(np.array_equal(t, whole[0][1]) for _, t, _ in whole)
     if one:
-        header = ",".join(["t [s]", *(header_cell(name) for name, _, _ in whole)])
+        t, falls = whole[0][1], int(np.count_nonzero(np.diff(whole[0][1]) <= 0.0))
         said = f"a LabVIEW measurement file: {', '.join(name for name, _, _ in whole)}"
-        return table_text(header, [whole[0][1], *(y for _, _, y in whole)]), Note(said, "format")
+        heads, columns = [header_cell(name) for name, _, _ in whole], [y for _, _, y in whole]
+        if falls > MAX_WRITES:
+            said = f"{said}; its X begins anew {falls + 1} times, at every write, and is no time"
+            return table_text(",".join(heads), columns), Note(said, "left_out", "X_Value")
+        return table_text(",".join(["t [s]", *heads]), [t, *columns]), Note(said, "format")
     return _table(whole, "a LabVIEW measurement file")
 
 
