@@ -38,9 +38,9 @@ def runs_of(t: Array, breaks: Sequence[int], rows: Rows, source: str) -> tuple[l
 
     def fault(i: int) -> RecordError:
         return RecordError(
-            f"{source}: {rows.name(i)}: time stamp {t[i]:.9g} comes after {t[i - 1]:.9g}, and so it goes on: the "
-            "rows are in no order of time; sort them, map the time's column with --signal t=COLUMN, or, where they are evenly "
-            "spaced, say --dt"
+            f"{source}: {rows.name(i)}: time stamp {t[i]:.9g} comes after {t[i - 1]:.9g}, and so it goes on: the rows "
+            "are in no order of time; sort them, map the time's column with --signal t=COLUMN, or say --dt where they "
+            "are evenly spaced"
         )
 
     found, late, lost = [], 0, 0
