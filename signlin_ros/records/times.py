@@ -93,7 +93,13 @@ def one_clock(table: RawTable) -> RawTable:
     stems = [_NUMBERED.sub(r"\1", head.name).lower() for head in table.headings]
     timed = [k for k, head in enumerate(table.headings) if heading(stems[k]).time is not None and head.label]
     same = len({(stems[k], table.headings[k].unit) for k in timed}) == 1
-    if len(timed) < 2 or timed[0] != 0 or not same or min(np.diff([*timed, len(stems)])) < 2:
+    if (
+        len(timed) < 2
+        or timed[0] != 0
+        or not same
+        or table.columns[0].size < 2
+        or min(np.diff([*timed, len(stems)])) < 2
+    ):
         return table
     first = _column(
         _only(table, 0), table.headings[0], (heading(stems[0]).time or (0, ""))[1] or table.headings[0].unit
@@ -229,13 +235,19 @@ def _counts(table: RawTable, head: Heading) -> bool:
 def _taken(table: RawTable, timed: Sequence[Heading]) -> Times:
     """The time of the first of the columns that may be it, and which others may."""
     best, *others = timed
-    unit = best.unit or unit_of_time(best.name) or (best.name if _UNIT_ALONE.fullmatch(best.name) else "")
-    times = _column(table, best, unit)
+    times = _column(table, best, _unit(best))
     said = f"no column is called a time: {best.label!r} is taken for it, as it goes on from row to row"
     if others:
         names = ", ".join(repr(head.label) for head in others)
         said += f"; so {'does' if len(others) == 1 else 'do'} {names}: --signal t=COLUMN takes another one"
     return replace(times, notes=(Note(said, "assumed", "t"), *times.notes))
+
+
+def _unit(head: Heading) -> str:
+    """The unit that the name of a time states, or nothing."""
+    if head.time is not None:
+        return head.time[1]
+    return head.unit or unit_of_time(head.name) or (head.name if _UNIT_ALONE.fullmatch(head.name) else "")
 
 
 def _finer(table: RawTable, best: Heading) -> Times:
@@ -250,7 +262,7 @@ def _finer(table: RawTable, best: Heading) -> Times:
     for head, column in others:
         if (head.time is not None or _counts(table, head)) and (np.diff(column) > 0).all():
             said = f"rows share stamps of {best.label!r}: the time is {head.label!r}, which tells them apart"
-            found = _column(table, head, head.time[1] if head.time is not None else head.unit or head.name)
+            found = _column(table, head, _unit(head))
             return replace(found, notes=(Note(said, "assumed", "t"), *found.notes))
     for head, column in others:
         if _PARTS.match(head.name) and column.min() >= 0.0 and column.max() < 1000.0:

@@ -103,6 +103,7 @@ LOGGERS = {
     "steps.csv": "a,b,dt [ms]\n" + "\n".join(f"{a},{b},{5.0 + 1e-10 * (k % 2)}" for k, (_, a, b) in enumerate(ROWS)),
     "coarse_first.csv": "stamp,a,b,millis\n"
     + "\n".join(f"{1719000000 + int(0.95 + t)},{a},{b},{5 * k}" for k, (t, a, b) in enumerate(ROWS)),
+    "coarse_beside.csv": "time,a,b,pi_time\n" + "\n".join(f"{int(0.95 + t)},{a},{b},{3 + t}" for t, a, b in ROWS),
     "panel.csv": '"Date","Time","Millisecond","a","b"\n'
     + "\n".join(f'"2021/11/30","10:23:{45 + int(0.95 + t)}",{round(950 + 1e3 * t) % 1000},{a},{b}' for t, a, b in ROWS),
     "messages.csv": "ready\nt,a,b\n"
