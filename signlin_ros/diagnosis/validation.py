@@ -212,7 +212,7 @@ class ValidationTests:
     @property
     def leaves_little(self) -> bool:
         """Whether a proposal leaves no more, beside what the base model does, than a table shows: of the force, or of
-        every channel whose error is beyond about its noise.
+        a channel and every one whose error is beyond about its noise.
         """
         if not self.names:
             return False
@@ -221,7 +221,7 @@ class ValidationTests:
         less = self.final.validation_rmse <= small * self.base.validation_rmse
         left, before = (self.force_mse(f) for f in (self.final, self.base))
         little = left is not None and before is not None and bool(np.mean(left) <= small**2 * np.mean(before))
-        return little or bool(beyond.any() and np.all(less[beyond]))
+        return little or bool(less.any() and np.all(less[beyond]))
 
     @property
     def explains_all_force(self) -> bool:
