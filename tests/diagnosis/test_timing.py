@@ -10,10 +10,12 @@ from functools import cache
 import numpy as np
 import pytest
 
+from benchmarks.machines.families import MACHINES
 from signlin_ros.diagnosis import add, diagnose
 from signlin_ros.diagnosis.comparison import compare
 from signlin_ros.diagnosis.output_error import OutputErrorEstimator
 from signlin_ros.diagnosis.progress import CancelledError
+from signlin_ros.follow.data import load_sides
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from tests.diagnosis.test_traps import SMALL, proposed, recorded
@@ -107,3 +109,13 @@ def test_a_late_sensor_is_tried_where_a_stretch_has_no_window() -> None:
     model, whole = Model.from_dict({**BASE, "update_period": 1.0}), record(1, "forward", 3.0)
     found = add("sensor_delay", model, [whole.part(0, 800), whole.part(850, 960)], record(2, "forward", 3.0))
     assert any(name.startswith("sensor_delay") for name in found.ladder[-1].effects)
+
+
+@pytest.mark.long
+def test_a_late_bus_is_told_near_the_steps_of_an_encoder(tmp_path):
+    """What is left is a thousandth of what the position erred by, near its noise, and goes on from step to step."""
+    model, training, validation = MACHINES["late_bus"].write(tmp_path)
+    found = diagnose(*load_sides(Model.load(model), [training], [validation]))
+    assert found.verdict == "missing"
+    assert "input_delay" in found.ladder[-1].effects
+    assert found.parameters["input_delay.T"].value == pytest.approx(0.018, rel=0.05)
