@@ -229,3 +229,10 @@ def test_a_refusal_names_the_place_and_what_would_help(tmp_path: Path, text: str
         read_records(path)
     assert all(part in str(error.value) for part in parts), str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_one_row_without_a_header_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text("0.0,1.0,2.0\n")
+    with pytest.raises(RecordError, match="no time column"):
+        read_records(path)
