@@ -503,13 +503,13 @@ def _without_names(table: RawTable) -> Times | None:
     """The time in a table without a header: whole seconds and nanoseconds in front, as ``ros2 topic echo --csv`` writes
     them, or a first column that increases.
     """
-    if len(table.columns) < 2:
+    if len(table.columns) < 2 or table.columns[0].size < 2:
         return None
     first, second = table.columns[:2]
     whole = np.isfinite(first).all() and np.isfinite(second).all() and not (first % 1).any() and not (second % 1).any()
     if whole and _are_two(first, second):
         return _two(table, table.headings[0], table.headings[1], 1e-9)
-    if first.size > 1 and np.isfinite(first).all() and (np.diff(first) > 0).mean() > 0.99:
+    if np.isfinite(first).all() and (np.diff(first) > 0).mean() > 0.99:
         times = _column(table, table.headings[0], "")
         said = f"no header: {times.label!r} is taken for the time, as it goes on from row to row"
         return replace(times, notes=(Note(said, "assumed", "t"), *times.notes))

@@ -231,8 +231,9 @@ def test_a_refusal_names_the_place_and_what_would_help(tmp_path: Path, text: str
     assert "\n" not in str(error.value)
 
 
-def test_one_row_without_a_header_is_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize("row", ["0.0,1.0,2.0", "0,12345678,2.7"])
+def test_one_row_without_a_header_is_refused(row: str, tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
-    path.write_text("0.0,1.0,2.0\n")
+    path.write_text(f"{row}\n")
     with pytest.raises(RecordError, match="no time column"):
         read_records(path)
