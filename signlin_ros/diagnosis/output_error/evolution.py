@@ -22,9 +22,9 @@ Array = NDArray[np.float64]
 Each = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
 
 FOLLOWED_FIRST, FOLLOWED_BESIDE, PARENTS, CHILDREN, EVOLVED_KEPT = 64, 16, 10, 24, 4
-"""Of an effect with many minima: starts that get a few steps, fewer beside other effects or where all are less likely
-than a rival, of which nothing is bred then; points that others are bred of, how many of these in each generation, and
-how many points a fit starts from."""
+"""Of an effect with many minima: starts that get a few steps, and how many of them do first; no more do, and nothing is
+bred, beside other effects or where these are all less likely than a rival; points that others are bred of, how many of
+these in each generation, and how many points a fit starts from."""
 GENERATIONS = (0.15, 0.15, 0.05)
 """How far a load may wander in a second for the observer of each generation, the first one of starts: one that trusts a
 wrong load loses it, and what it leaves then says nothing of which way the right one lies."""
@@ -42,9 +42,9 @@ def evolved_fit(
     """Return the best fit of an effect with many local minima, as of what makes and breaks contact: the best of its
     positive starts get a few steps, and so do points that are bred of these [differential evolution: Storn and Price,
     J. Global Optimization 11 (1997) 341, doi:10.1023/A:1008202821328]; the best of all are fitted. As long as all are
-    less likely than a ``rival`` of that objective at the same gain, though the observer moves the load for them, fewer
-    are followed, and nothing is bred of them. ``seed``: of what is drawn; from 1 on the starts are shifted, too
-    [Cranley and Patterson, SIAM J. Numer. Anal. 13 (1976) 904].
+    less likely than a ``rival`` of that objective at the same gain, though the observer moves the load for them, no
+    more are followed than a few, and nothing is bred of these. ``seed``: of what is drawn; from 1 on the starts are
+    shifted, too [Cranley and Patterson, SIAM J. Numer. Anal. 13 (1976) 904].
     """
     parts, (high, middle) = CandidateParts.of(before), problem.observer_gains[:2]
     c = parts.extended(trial.name, trial.starts[0]).candidate(problem)
@@ -68,14 +68,15 @@ def evolved_fit(
         logs = low + np.mod(logs - low + draw.random(len(index)) * size, np.maximum(size, 1e-300))
     first = [_at(c, index, c.start(), values) for values in np.exp(logs).tolist()]
     beside = bool(before.candidate.label)
-    points, count = followed(GENERATIONS[0], 0, first), FOLLOWED_FIRST
+    began = [f.theta for f in followed(GENERATIONS[0], 0, first)[:FOLLOWED_FIRST]]
+    points = followed(GENERATIONS[0], MIDDLE_STEPS, began[:FOLLOWED_BESIDE])
 
     def in_vain() -> bool:
         return beside or not points or points[0].objective > rival
 
-    if in_vain():
-        count = FOLLOWED_BESIDE
-    points = followed(GENERATIONS[0], MIDDLE_STEPS, [f.theta for f in points[:count]])
+    if not in_vain():
+        rest = followed(GENERATIONS[0], MIDDLE_STEPS, began[FOLLOWED_BESIDE:])
+        points = sorted([*points, *rest], key=attrgetter("objective"))
     for wander, last in zip(GENERATIONS[1:], GENERATIONS, strict=False):
         if in_vain() or len(points) < FEWEST_PARENTS:
             break
