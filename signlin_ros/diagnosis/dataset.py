@@ -70,6 +70,11 @@ class Dataset:
 
         return replace(self, training=side(self.training), validation=side(self.validation))
 
+    def with_inputs_as_recorded(self) -> Dataset:
+        """Return the same with inputs that are known: their noise acts on the plant."""
+        training, validation = (one.with_inputs_as_recorded() for one in (self.training, self.validation))
+        return replace(self, training=training, validation=validation)
+
     @cached_property
     def noise(self) -> dict[str, float]:
         """Standard deviation of every channel's noise, from all records: of the sensors alone."""

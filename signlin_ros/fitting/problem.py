@@ -75,6 +75,19 @@ class Problem:
         """The plant of the base model."""
         return self.base.plant
 
+    def with_inputs_as_recorded(self) -> Problem:
+        """Return the problem with inputs that are known: what looks like noise of theirs acts on the plant."""
+        if not self.input_noise.any():
+            return self
+        *gains, _ = self.observer_gains
+        *watching, _ = self.force_observers
+        return replace(
+            self,
+            observer_gains=tuple(gains),
+            force_observers=tuple(watching),
+            input_noise=np.zeros_like(self.input_noise),
+        )
+
     @functools.cached_property
     def short(self) -> Problem:
         """The problem on some stretches of its records, evenly; what effects remember is forgotten where they start."""
