@@ -5,10 +5,10 @@
 | data | `dataset_of` | `Dataset`: training and validation data, prepared once for both estimates |
 | output error | `estimator_of`, in `evidence_of` | fits by simulation with an observer; that of the base model first |
 | equation error | `estimate_equation_error`, in `evidence_of` | sets of laws, regressed on the force that is missing |
-| noise of inputs | `Dataset.with_inputs_as_recorded` | the data, allowing for none where a model leaves noise so |
 | input hold | `with_hold`, in `evidence_of` | the data and the base model again, if inputs do not act as if held |
 | base held | `Evidence.grounded` | the same with base parameters held, where the forces contradict the fitted ones |
 | selection | `select_model` | `Selection`: the effects that both estimates support; its steps stand in its module |
+| noise of inputs | `with_inputs_as_recorded` | `Evidence` and `Selection`, if noise of inputs acts and hid a law |
 | verdict | `verdict_of` | `Verdict`: `reason_of` says which test on validation data fails, if one does |
 | pruning | `without_untold`, `without_idle` | the `Verdict` on less, where effects are not decided on or tell nothing |
 | report | `summary_of` | `Diagnosis`: values, tables and sentences |
@@ -27,14 +27,15 @@ from dataclasses import replace
 from typing import Any
 
 from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA, Criteria
-from signlin_ros.diagnosis.dataset import Dataset, Records, dataset_of
+from signlin_ros.diagnosis.dataset import Records, dataset_of
 from signlin_ros.diagnosis.discrimination import PlannedRival, discriminated, refitted
-from signlin_ros.diagnosis.evidence import Evidence, evidence_of
+from signlin_ros.diagnosis.evidence import evidence_of
 from signlin_ros.diagnosis.least_absolute import by_absolute_error
 from signlin_ros.diagnosis.output_error import FitCache
 from signlin_ros.diagnosis.output_error.trials import trials
 from signlin_ros.diagnosis.progress import Progress, Report
 from signlin_ros.diagnosis.pruning import without_idle, without_rounding, without_untold
+from signlin_ros.diagnosis.recorded_inputs import with_inputs_as_recorded
 from signlin_ros.diagnosis.results import Diagnosis, listed
 from signlin_ros.diagnosis.selection import Selection, select_model
 from signlin_ros.diagnosis.summary import summary_of
@@ -65,25 +66,19 @@ def diagnose(
     is done. ``rivals``: those of a planned experiment, each is refitted from its own values and must lose before
     another law is confirmed. Raises `RecordError` for unusable records, `CancelledError` where it was stopped.
     """
-    dataset, watched = dataset_of(model, data, validation), Progress.of(progress)
-    found = _selected(dataset.with_inputs_as_recorded(), criteria, watched, jobs)
-    if dataset.training.input_noise.any() and not found[0].explains_to_noise(found[1].chosen):
-        found = _selected(dataset, criteria, watched, jobs)
-    evidence, selection = found
+    dataset, cache, watched = dataset_of(model, data, validation), FitCache(), Progress.of(progress)
+    evidence = evidence_of(dataset, criteria, cache, watched, jobs)
+    watched.say(
+        phrases.MOTION_WITH_FORCE if evidence.equation_error and evidence.equation_error.effects else phrases.MOTION
+    )
+    evidence = evidence.grounded()
+    selection = select_model(evidence)
+    evidence, selection = with_inputs_as_recorded(evidence, selection) or (evidence, selection)
     if rivals:
         watched.say(phrases.PLANNED_RIVALS)
         selection = discriminated(evidence, selection, refitted(evidence, rivals))
     verdict = without_rounding(evidence, without_untold(evidence, verdict_of(evidence, selection)))
     return summary_of(evidence, without_idle(evidence, verdict))
-
-
-def _selected(dataset: Dataset, criteria: Criteria, progress: Progress, jobs: int | None) -> tuple[Evidence, Selection]:
-    """Return both estimates of a data set, and the model that both support."""
-    evidence = evidence_of(dataset, criteria, FitCache(), progress, jobs)
-    named = evidence.equation_error and evidence.equation_error.effects
-    progress.say(phrases.MOTION_WITH_FORCE if named else phrases.MOTION)
-    evidence = evidence.grounded()
-    return evidence, select_model(evidence)
 
 
 def refine(
