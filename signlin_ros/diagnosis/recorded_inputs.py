@@ -7,7 +7,9 @@ inputs as recorded: if it leaves but the sensors' noise, which inputs known badl
 
 from __future__ import annotations
 
-from signlin_ros.diagnosis.evidence import Evidence, evidence_beside
+from dataclasses import replace
+
+from signlin_ros.diagnosis.evidence import Evidence, equation_error_of
 from signlin_ros.diagnosis.output_error import FitCache, estimator_of
 from signlin_ros.diagnosis.preference import simplest
 from signlin_ros.diagnosis.selection import Selection
@@ -33,14 +35,21 @@ def with_inputs_as_recorded(evidence: Evidence, selection: Selection) -> tuple[E
         return None
     recorded = Evidence(dataset, exact, None)
     if recorded.explains_to_noise(same):  # what each of several laws is worth is told best there
-        return (evidence_beside(dataset, exact), Selection(same)) if len(chosen.effects) > 1 else None
+        return (_with_force(recorded), Selection(same)) if len(chosen.effects) > 1 else None
     options = [f for f in exact.extensions(same, sorted(exact.candidates)) if recorded.explains_to_noise(f)]
     options = [f for f in options if not exact.refusal(same, f) and not exact.refusal(exact.base, f)]
     found = simplest(recorded, options)
     if found is None:
         return None
     exact.cache.keep(same, *options)
-    return evidence_beside(dataset, exact), Selection(found)
+    return _with_force(recorded), Selection(found)
+
+
+def _with_force(evidence: Evidence) -> Evidence:
+    """Return the same with the equation-error estimate."""
+    dataset, motion = evidence.dataset, evidence.output_error
+    force = equation_error_of(dataset.knowing(motion.own_values), motion.criteria, motion.progress)
+    return replace(evidence, equation_error=force)
 
 
 __all__ = ["with_inputs_as_recorded"]
