@@ -278,9 +278,10 @@ class ValidationTests:
     @property
     def leaves_structured_channel(self) -> bool:
         """Whether the error of a channel, of which the residual has structure, is a part of its spread that counts as
-        missing where no force is seen.
+        missing where no force is seen. Of a load that floats the place is not seen while the play is crossed, and what
+        is left has the structure of that.
         """
-        if self.percent is not None or self.dataset.plant.motion_is_imposed():
+        if self.percent is not None or self.floats or self.dataset.plant.motion_is_imposed():
             return False
         channels = zip(self._unpredicted_by_channel, self.final.residual_tests, strict=True)
         return any(part > 100.0 * self.criteria.min_missing_share and one.structured for part, one in channels)
