@@ -11,7 +11,7 @@ PAGE_WORDS = (
     (r"(; |, )?(state it|or say): --signal 't = .*$", f"; choose its unit {TIME}"),
     (r"state its unit, e\.g\. .*$", f"choose its unit {TIME}"),
     (r"Then say --signal 't = .*$", f"Choose its unit {TIME}, or press the button."),
-    (r"; or say --dt .*$", f"; or write {TIME} how many s are from row to row"),
+    (r"([;,]) or say --dt .*$", rf"\1 or write {TIME} how many s are from row to row"),
     (r"map the time's column with --signal t=COLUMN", f"choose the column of the time {TIME}"),
     (r"--dt says by how much", f"write {TIME} by how much"),
     (r"; map it with --signal .*$", "; choose a column for it below, or write 0.0 as its formula"),
