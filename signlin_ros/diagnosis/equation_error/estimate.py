@@ -109,8 +109,7 @@ class EquationErrorResult:
     @property
     def leaves_noise(self) -> bool:
         """Whether the chosen set leaves no force residual of validation data that is seen above the sensors' noise."""
-        most = self.regression.criteria.min_force_over_noise**2 * self.validation.noise_mse
-        return self.fit.validation_mse <= most
+        return self.fit.validation_mse <= self.regression.visible_mse
 
     def without(self, names: Iterable[str]) -> EquationErrorResult:
         """Return the result with the least of the best sound sets that have none of some laws as the chosen one."""

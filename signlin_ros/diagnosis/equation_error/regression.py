@@ -193,6 +193,11 @@ class Regression:
     current: bool
 
     @property
+    def visible_mse(self) -> float:
+        """Mean square from which on a residual of validation data is seen above the sensors' noise."""
+        return float(self.criteria.min_force_over_noise**2 * self.validation.noise_mse)
+
+    @property
     def b(self) -> int:
         """Number of base columns."""
         return len(self.names)

@@ -249,11 +249,7 @@ class SubsetSearch:
         what takes away most of what was left: beside a weight all friction is a small part.
         """
         c, gone = self.r.criteria, reference.validation_mse - f.validation_mse
-        clean = (
-            whole
-            or f.validation_mse < c.min_force_over_noise**2 * self.r.validation.noise_mse
-            or self._most(f, reference)
-        )
+        clean = whole or f.validation_mse < self.r.visible_mse or self._most(f, reference)
         large = gone > c.min_share_per_parameter * max(
             free * reference.validation_mse, 0.0 if clean else self.base.validation_mse
         )
