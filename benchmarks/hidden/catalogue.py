@@ -65,6 +65,12 @@ def _pinching(s: Setting) -> Values:
     return {"F_c": F_c, "sigma": F_c / way, "zeta": s.rng.uniform(0.6, 0.9), "z_p": way * s.rng.uniform(0.2, 0.5)}
 
 
+def _maxwell(s: Setting) -> Values:
+    """Return a force that relaxes within a fifth of what the motion lasts in one direction, to five times as long."""
+    tau = s.scale.position / s.scale.speed * spread(s.rng, 0.2, 5.0)
+    return {"k": 1.3 * s.force() / min(s.scale.position, s.scale.speed * tau), "tau": max(tau, 5.0 * s.dt)}
+
+
 def _weak_cubic(s: Setting) -> Values:
     """Return a spring that softens, as far as the plant's own still holds."""
     k = s.drive.spring
@@ -134,6 +140,7 @@ VARIANTS: dict[str, dict[str, Callable[[Setting], Values]]] = {
     "cubic_stiffness": {"hardens": LISTED["cubic_stiffness"], "softens": _weak_cubic},
     "play_friction": {"": _play},
     "pinching_hysteresis": {"": _pinching},
+    "maxwell_element": {"": _maxwell},
     "bouc_wen_hysteresis": {
         f"{shape}, n {n:g}": _loop(n, low, high)
         for n in (1.0, 2.0)

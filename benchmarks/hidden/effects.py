@@ -432,6 +432,7 @@ SIMILAR: dict[str, tuple[str, str, Callable[[Setting], Values]]] = {
 """Equations only similar to the catalogue's: the effect that comes nearest, the law's name, its size."""
 
 MOTOR_ONLY = ("torque_constant_saturation", "thermal_resistance", "linear_current_saturation")
+MASS_ONLY = ("maxwell_element",)
 
 PAIRS = (
     ("coulomb_friction", "quadratic_drag"),
@@ -503,4 +504,4 @@ def weaken(effect: str, values: Values, factor: float, u: np.ndarray) -> Values:
 
 def applies(effect: str, plant: str) -> bool:
     """Tell whether a plant can have an effect."""
-    return plant == MOTOR or (plant == MASS and effect not in MOTOR_ONLY)
+    return effect not in (MASS_ONLY if plant == MOTOR else MOTOR_ONLY)

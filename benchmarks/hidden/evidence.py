@@ -35,6 +35,7 @@ SIBLINGS = {
     "play_friction": ("s", "v", "q"),
     "lugre_friction": ("s", "v"),
     "pinching_hysteresis": ("q", "v", "s"),
+    "maxwell_element": ("q", "v"),
     "bouc_wen_hysteresis": ("q", "v", "s"),
     "compliant_load": ("a",),
     "backlash": ("a",),

@@ -58,6 +58,7 @@ SUITED = {
     "torque_ripple": ("slow", "slow", "multisine", "steps"),
     "play_friction": ("slow", "multisine", "sweep"),
     "pinching_hysteresis": ("slow", "multisine", "sweep"),
+    "maxwell_element": ("steps", "multisine", "sweep"),
     "load_dependent_stribeck": ("slow", "slow", "multisine", "steps"),
     "input_delay": ("multisine", "prbs", "steps", "sweep"),
     "input_lag": ("multisine", "prbs", "steps", "sweep"),

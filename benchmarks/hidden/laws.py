@@ -51,6 +51,7 @@ CATALOGUE = {
     "lugre_friction": ("sigma0", "sigma1", "sigma2", "F_c", "F_s", "v_s"),
     "bouc_wen_hysteresis": ("alpha", "D", "lambda", "beta", "gamma", "n", "k"),
     "pinching_hysteresis": ("F_c", "sigma", "zeta", "z_p"),
+    "maxwell_element": ("k", "tau"),
     "compliant_load": ("k", "c", "J"),
     "backlash": ("gap", "k", "c", "J"),
     "input_deadzone": ("d",),
@@ -192,7 +193,9 @@ def coupling_force(y: Array, p: Any) -> float:
 
 @njit(cache=True)
 def bristle_rate(y: Array, p: Any) -> float:
-    """Return z' of Dahl's or LuGre's bristle, behind a play, pinched; curved: z' = v (1 - sigma z sign(v) / F_c)^n."""
+    """Return z' of Dahl's or LuGre's bristle, behind a play, pinched; curved: z' = v (1 - sigma z sign(v) / F_c)^n;
+    of a spring in series with a damper.
+    """
     v, z = y[V], y[Z]
     if p.play_friction_sigma > 0.0:
         return v - p.play_friction_sigma * abs(v) * zone(z, p.play_friction_gap) / p.play_friction_F_c
@@ -208,6 +211,8 @@ def bristle_rate(y: Array, p: Any) -> float:
         F_c = p.lugre_friction_F_c
         g = F_c + (p.lugre_friction_F_s - F_c) * math.exp(-((v / p.lugre_friction_v_s) ** 2))
         return v - p.lugre_friction_sigma0 * abs(v) * z / g
+    if p.maxwell_element_k > 0.0:
+        return v - z / p.maxwell_element_tau
     return 0.0
 
 
@@ -215,7 +220,7 @@ def bristle_rate(y: Array, p: Any) -> float:
 def bristle_force(y: Array, p: Any) -> float:
     """Return the force of the bristles."""
     force = -(p.dahl_presliding_sigma + p.curved_dahl_sigma + p.pinching_hysteresis_sigma) * y[Z]
-    force -= p.play_friction_sigma * zone(y[Z], p.play_friction_gap)
+    force -= p.play_friction_sigma * zone(y[Z], p.play_friction_gap) + p.maxwell_element_k * y[Z]
     if p.lugre_friction_sigma0 > 0.0:
         force -= p.lugre_friction_sigma0 * y[Z] + p.lugre_friction_sigma1 * bristle_rate(y, p)
         force -= p.lugre_friction_sigma2 * y[V]

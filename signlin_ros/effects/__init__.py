@@ -43,6 +43,7 @@ CATALOGUE = (
     "lugre_friction",
     "bouc_wen_hysteresis",
     "pinching_hysteresis",
+    "maxwell_element",
     "compliant_load",
     "backlash",
     "learned_force",
