@@ -15,6 +15,7 @@
 | `sufficient_law`, `better_option` | more than noise is left | a law by itself, or of one's family |
 | `Evidence.with_better_values` | always | the same effects, with parameters of the motion or of the force |
 | `Evidence.unidentified` | of a law that leaves but noise the records hold too little | the base: no other is told |
+| `fit_sensor_errors` | the motion is imposed | the same; what ties with its laws is known |
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ from signlin_ros.diagnosis.preference import (
     sufficient_law,
 )
 from signlin_ros.diagnosis.results import listed
-from signlin_ros.diagnosis.single_laws import fit_alternatives, search_single_laws
+from signlin_ros.diagnosis.single_laws import fit_alternatives, fit_sensor_errors, search_single_laws
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import SignlinError
 
@@ -84,6 +85,7 @@ def select_model(evidence: Evidence) -> Selection:
     proposal = evidence.with_better_values(proposal)
     if proposal.implausible or (not evidence.explains_to_noise(proposal) and evidence.unidentified()):
         proposal = evidence.base
+    fit_sensor_errors(evidence, proposal)
     return Selection(proposal, "" if other else conflict)
 
 

@@ -12,7 +12,7 @@ import contextlib
 from signlin_ros.diagnosis.evidence import Evidence
 from signlin_ros.diagnosis.output_error import FittedModel
 from signlin_ros.diagnosis.preference import sufficient_law
-from signlin_ros.effects import EFFECTS
+from signlin_ros.effects import EFFECTS, SensorEffect
 from signlin_ros.errors import InputError
 
 MIN_GAIN_SHARE, MIN_FAMILY_SHARE = 0.5, 1.0
@@ -63,6 +63,17 @@ def fit_families(evidence: Evidence, proposal: FittedModel) -> list[FittedModel]
     return options
 
 
+def fit_sensor_errors(evidence: Evidence, proposal: FittedModel) -> None:
+    """Fit an error of the force sensor in the place of each law of a proposal, for ties, where the motion is imposed:
+    the force is an output then, and its sensor's zero moves it as a load does.
+    """
+    names = [n for n in EFFECTS if issubclass(EFFECTS[n], SensorEffect) and n in evidence.output_error.candidates]
+    for effect in proposal.effects if evidence.dataset.plant.motion_is_imposed() else ():
+        rest = [n for n in proposal.effects if n != effect]
+        fits = [evidence.output_error.fitted([*rest, n], proposal.model) for n in names if n not in rest]
+        evidence.cache.keep(*fits)
+
+
 def fit_released(evidence: Evidence, proposal: FittedModel) -> list[FittedModel]:
     """Return the best single effect, and a proposal, with base parameters free that were held at what forces tell of
     them, where that leaves noise: forces were read beside the law that they found first.
@@ -83,4 +94,4 @@ def _extended(
     return evidence.output_error.extensions(of, names, rival if rival.effects else None, share) if names else []
 
 
-__all__ = ["fit_alternatives", "fit_every_law", "fit_families", "fit_released", "search_single_laws"]
+__all__ = ["fit_alternatives", "fit_every_law", "fit_families", "fit_released", "fit_sensor_errors", "search_single_laws"]

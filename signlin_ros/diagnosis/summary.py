@@ -93,7 +93,8 @@ def _ranking(evidence: Evidence, verdict: Verdict, doubts: Doubts) -> tuple[Rank
         elif name in laws:
             others.append(_by_force(evidence, verdict, name))
         elif name in evidence.output_error.candidates and not verdict.selection.asked:
-            untried.append(RankingEntry(name, "rejected", why=_not_fitted(evidence, verdict, name)))
+            kind = others if name in tied else untried
+            kind.append(RankingEntry(name, "rejected", why=_not_fitted(evidence, verdict, name)))
         elif not _applies(evidence, name):
             absent.append(RankingEntry(name, "not_applicable", why=phrases.not_applicable(evidence.dataset.plant.name)))
     others = [_beside(e, tied[e.effect]) if e.effect in tied else e for e in others]
@@ -135,7 +136,9 @@ def _ties(evidence: Evidence, verdict: Verdict, effect: str) -> tuple[str, ...]:
         if evidence.output_error.refusal(verdict.base, f):
             found -= set(f.effects)
         elif evidence.force_rises(verdict.final, f) or (
-            evidence.force_mse(f) is None and evidence.explains_force(verdict.final)
+            not evidence.dataset.plant.motion_is_imposed()
+            and evidence.force_mse(f) is None
+            and evidence.explains_force(verdict.final)
         ):
             continue
         elif evidence.output_error.as_good(verdict.final, f) and evidence.output_error.refusal(f, verdict.final):

@@ -52,7 +52,10 @@ COMMAND_FAMILIES = (
     Family(
         "steps with rests",
         _repeated("steps", 0.8),
-        ("input_delay", "sensor_delay", "constant_load", "input_saturation", "torque_constant_saturation"),
+        (
+            *("input_delay", "sensor_delay", "constant_load", "input_saturation", "torque_constant_saturation"),
+            "maxwell_element",
+        ),
     ),
     Family("fast steps", _repeated("steps", 3.0)),
     Family("creep to and fro", _repeated("creep", 0.5), ("cogging_torque", "torque_ripple", "sensor_gain")),
