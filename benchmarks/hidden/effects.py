@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.hidden.drives import CHANNELS, MASS, MOTOR, Drive, Scale, spread
+from benchmarks.hidden.drives import CHANNELS, MOTOR, Drive, Scale, spread
 
 Values = dict[str, float]
 

@@ -94,4 +94,11 @@ def _extended(
     return evidence.output_error.extensions(of, names, rival if rival.effects else None, share) if names else []
 
 
-__all__ = ["fit_alternatives", "fit_every_law", "fit_families", "fit_released", "fit_sensor_errors", "search_single_laws"]
+__all__ = [
+    "fit_alternatives",
+    "fit_every_law",
+    "fit_families",
+    "fit_released",
+    "fit_sensor_errors",
+    "search_single_laws",
+]
