@@ -43,6 +43,8 @@ ALIKE = 0.9
 """Correlation from which on two signals are the same."""
 SLOPE_TOLERANCE = 0.2
 """Relative difference from which on a velocity is not the slope of its position."""
+SAME_UNIT = 0.5
+"""Part by which a position may change otherwise than its velocity says, and both be in one unit."""
 LIMIT_TOLERANCE = 0.02
 """Part of a limit by which a calibrated sensor may be beyond it."""
 GAIN_RANGE = 2.0
@@ -255,10 +257,6 @@ def _in_other_unit(record: ModelData, name: str, size: float) -> tuple[Callable[
         return record
 
     return cure, both
-
-
-SAME_UNIT = 0.5
-"""Part by which a position may change otherwise than its velocity says, and both be in one unit."""
 
 
 def _beyond(model: ArmModel, record: ModelData, name: str, limits: dict[str, float]) -> Iterator[Finding]:

@@ -26,6 +26,10 @@ from signlin_ros.robots import Robot
 Array = NDArray[np.float64]
 RATIOS = (1.0, -1.0)
 """Turns of a motor, in those of its own joint, for one of the joint beside it."""
+COUPLED_EFFECTS = ("coupled.viscous_friction", "coupled.coulomb_friction")
+"""Names of the friction of a motor that turns with another joint, too, as columns of a fit."""
+SINGULAR = 1e-9
+"""Determinant of motors that do not move the joints independently."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +60,7 @@ def find_coupling(state: State, estimate: CoefficientEstimate) -> FoundCoupling 
     best: FoundCoupling | None = None
     for j, i, changed in candidates:
         extra = _beside(state, j, changed)
-        trial = fit(fixed.design.plus(_COUPLED_EFFECTS, *extra), state.rows, state.new, fixed.weights)
+        trial = fit(fixed.design.plus(COUPLED_EFFECTS, *extra), state.rows, state.new, fixed.weights)
         if not _sure(trial, needed):
             continue
         other = fit(_with(state, fixed.design, j, changed), state.rows, state.new, fixed.weights)
@@ -130,9 +134,6 @@ def _groups(motors: Array) -> list[list[int]]:
     return [list(group) for group in groups if len(group) > 1]
 
 
-_COUPLED_EFFECTS = ("coupled.viscous_friction", "coupled.coulomb_friction")
-
-
 def _two_ways(
     design: FitDesign, both: tuple[RegressionRows, RegressionRows]
 ) -> Iterator[tuple[FitDesign, tuple[RegressionRows, RegressionRows]]]:
@@ -204,10 +205,6 @@ def _candidates(
                 changed[j, i] = ratio
                 if abs(np.linalg.det(changed)) > SINGULAR:
                     yield j, i, changed
-
-
-SINGULAR = 1e-9
-"""Determinant of motors that do not move the joints independently."""
 
 
 def _with(state: State, design: FitDesign, j: int, motors: Array) -> FitDesign:

@@ -213,11 +213,7 @@ def compare(
     steps = np.concatenate([np.diff(record.t) for record in records])
     if model.asks_hold and steps.size:  # before anything is fitted
         _horizon(model, horizon, float(np.median(steps)))
-    prepared: Dataset | InputError
-    try:
-        prepared = dataset_of(model, data, validation)
-    except InputError as error:
-        prepared = error  # the records cannot be used as `diagnose` uses them
+    prepared = _as_diagnosed(model, data, validation)
     both = _how_inputs_act(prepared, watched)
     told = [both.dataset.told_hold] if both and both.dataset.told_hold else []
     model = model.with_options(input_hold=both.dataset.model.input_hold) if both else model
@@ -232,7 +228,6 @@ def compare(
     lacking, residuals = missing(observer, units), [run.innovation for run in observer.runs(observer.design(TRUSTING))]
     scored = _scored(observer, units, free, window, prepared.noise if isinstance(prepared, Dataset) else {})
     watched.say("where it fails")
-    parts, channels, noise = observer.stretches, observer.channels, observer.noise
     efforts = compare_efforts(model, records, cutoff)
     effort, where = efforts.inverse(model, units) if efforts else None, locate(observer, lacking, units)
 
@@ -246,27 +241,41 @@ def compare(
         channels=scored,
         inverse={effort.name: effort} if effort else {},
         where=where,
-        residual_tests={
-            name: residual_test([e[:, j] for e in residuals], [s.u for s in parts], noise[j].rho)
-            for j, name in enumerate(channels)
-        },
+        residual_tests=_residual_tests(observer, residuals),
         horizon=horizon,
         samples=sum(len(record) for record in records),
         sources=tuple(record.source for record in records),
-        notes=(
-            *notes,
-            *told,
-            *_remarks(observer, scored, lacking, where),
-        ),
+        notes=(*notes, *told, *_remarks(observer, scored, lacking, where)),
         directions={m.name: by_direction(observer, m, units) for m in lacking if m.clear},
         units=units,
-        traces=tuple(
-            Traces(s.source, s.t, s.u, s.y, run.shown, ahead, x, left)
-            for s, run, ahead, x, left in zip(parts, free, window, observer.best_states, residuals, strict=True)
-        ),
+        traces=_traces(observer, free, window, residuals),
         missing=lacking,
         refit=refit,
     )
+
+
+def _as_diagnosed(model: Model, data: Records, validation: Records | None) -> Dataset | InputError:
+    """Return the data set that `diagnose` makes of records, or why it cannot use them."""
+    try:
+        return dataset_of(model, data, validation)
+    except InputError as error:
+        return error
+
+
+def _residual_tests(observer: Observer, residuals: Sequence[Array]) -> dict[str, ResidualTest]:
+    """Return tests by channel of the innovations (T, ny) of every stretch."""
+    inputs, channels = [s.u for s in observer.stretches], zip(observer.channels, observer.noise, strict=True)
+    return {
+        name: residual_test([e[:, j] for e in residuals], inputs, noise.rho) for j, (name, noise) in enumerate(channels)
+    }
+
+
+def _traces(
+    observer: Observer, free: Sequence[FreeRun], window: Sequence[Array], residuals: Sequence[Array]
+) -> tuple[Traces, ...]:
+    """Return every stretch as measured and as predicted."""
+    rows = zip(observer.stretches, free, window, observer.best_states, residuals, strict=True)
+    return tuple(Traces(s.source, s.t, s.u, s.y, run.shown, ahead, x, left) for s, run, ahead, x, left in rows)
 
 
 def _how_inputs_act(c: Dataset | InputError, progress: Progress) -> Evidence | None:

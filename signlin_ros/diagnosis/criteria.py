@@ -72,6 +72,11 @@ class Criteria:
     min_missing_share: float = 0.05
     """Share (RMS) of the effort, of a channel's spread where none is seen, from which on a residual is missing."""
 
+    @property
+    def missing_percent(self) -> float:
+        """`min_missing_share` in per cent."""
+        return 100.0 * self.min_missing_share
+
 
 DEFAULT_CRITERIA = Criteria()
 

@@ -1,4 +1,4 @@
-"""Records made ready for both estimates: what is fitted to, what is held out, and what they are told apart by."""
+"""Records made ready for both estimates: training data, validation data, and the noise of their sensors."""
 
 from __future__ import annotations
 
@@ -69,11 +69,6 @@ class Dataset:
             return replace(problem, base=base, parts=tuple(parts))
 
         return replace(self, training=side(self.training), validation=side(self.validation))
-
-    def with_inputs_as_recorded(self) -> Dataset:
-        """Return the same with inputs that are known: their noise acts on the plant."""
-        training, validation = (one.with_inputs_as_recorded() for one in (self.training, self.validation))
-        return replace(self, training=training, validation=validation)
 
     @cached_property
     def noise(self) -> dict[str, float]:

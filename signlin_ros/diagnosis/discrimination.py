@@ -134,7 +134,7 @@ def _displaced(evidence: Evidence, selection: Selection, rivals: Sequence[Refitt
     near = near or [one.best for one in rivals if _as_good(evidence, final, one.best)]
     if not near:
         return selection
-    return replace(selection, chosen=min(near, key=lambda f: (len(f.effects), f.n_parameters, f.log_mse)), conflict="")
+    return replace(selection, chosen=min(near, key=lambda f: (f.size, f.log_mse)), conflict="")
 
 
 def with_more(evidence: Evidence, final: FittedModel, rivals: Sequence[RefittedRival]) -> tuple[RefittedRival, ...]:
@@ -167,8 +167,7 @@ def _planned_with(rival: RefittedRival, final: FittedModel, more: Sequence[str])
 
 def _as_good(evidence: Evidence, final: FittedModel, f: FittedModel) -> bool:
     """Tell whether a rival is simpler than a model, as good, and surely better than the base."""
-    simpler = bool(f.effects) and (len(f.effects), f.n_parameters) < (len(final.effects), final.n_parameters)
-    if not simpler or f.implausible or not _no_worse(evidence, final, f):
+    if not f.effects or f.size >= final.size or f.implausible or not _no_worse(evidence, final, f):
         return False
     if evidence.force_rises(final, f) and not _is_noise_of_way(f):
         return False
@@ -188,7 +187,7 @@ def _better(evidence: Evidence, final: FittedModel, one: RefittedRival) -> bool:
     if set(one.effects) == set(final.effects) or not one.effects or f.implausible:
         return False
     if (
-        evidence.output_error.improvement(final, f).worsens(c.max_rise_t, c.visible_change)
+        evidence.output_error.improvement(final, f).worsens(c)
         or _raises(evidence, final, f)
         or _raises(evidence, evidence.base, f)
     ):

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.comparison.bands import MIN_BIN_SAMPLES, Band, band, memory
 from signlin_ros.comparison.waves import FULL_TURN, Spectrum, Wave, folded, spectrum, waves_of
+from signlin_ros.diagnosis.equation_error.estimate import EquationErrorResult
 from signlin_ros.diagnosis.evidence import Evidence, changes_effort
 from signlin_ros.diagnosis.output_error import FittedModel
 from signlin_ros.diagnosis.results import ParameterEstimate
@@ -96,9 +97,9 @@ def effect_evidence(evidence: Evidence, fitted: FittedModel, effect: str) -> Eff
     force = evidence.equation_error
     if force is None or changes_effort(find_effect(effect, "effects")):
         return None
-    measured, computed = _lacking(evidence, fitted, effect)
+    measured, computed = _lacking(force, fitted, effect)
     waves = waves_of(fitted.model, effect)
-    place = _place(evidence, computed, waves)
+    place = _place(evidence, force, computed, waves)
     named = _explanation(fitted, effect, place, measured, computed)
     if named is None:
         return None
@@ -109,31 +110,31 @@ def effect_evidence(evidence: Evidence, fitted: FittedModel, effect: str) -> Eff
     quantity = "missing torque" if unit == "N·m" else "missing force"
     rows = None
     if place.kept is not None and _turns(evidence):
-        rows = spectrum(
-            _at(evidence, plant.position)[place.kept], named.measured, named.measured - named.computed, waves
-        )
+        rows = spectrum(_at(force, plant.position)[place.kept], named.measured, named.measured - named.computed, waves)
     return EffectEvidence(
-        quantity, unit, place, cutoff, sources, named, _rival(evidence, fitted, effect, place), tuple(waves), rows
+        quantity,
+        unit,
+        place,
+        cutoff,
+        sources,
+        named,
+        _rival(evidence, force, fitted, effect, place),
+        tuple(waves),
+        rows,
     )
 
 
-def _lacking(evidence: Evidence, fitted: FittedModel, effect: str) -> tuple[Array, Array]:
+def _lacking(force: EquationErrorResult, fitted: FittedModel, effect: str) -> tuple[Array, Array]:
     """Return the force (N,) that is missing without an effect, and what the effect makes of it, on validation data."""
-    force = evidence.equation_error
-    assert force is not None  # noqa: S101  asked before
     less = fitted.model
-    for key in [
-        k for k, use in less.effects.items() if use.type == effect and k not in evidence.dataset.training.base.effects
-    ]:
+    for key in [k for k, use in less.effects.items() if use.type == effect and k not in force.given.effects]:
         less = less.without_effect(key)
     without, with_it = (force.validation.force_residual(m) for m in (less, fitted.model))
     return without, without - with_it
 
 
-def _at(evidence: Evidence, name: str) -> Array:
+def _at(force: EquationErrorResult, name: str) -> Array:
     """Return a coordinate (N,) where forces are told, on validation data."""
-    force = evidence.equation_error
-    assert force is not None  # noqa: S101  asked before
     return np.concatenate([p.values[name][p.kept] for p in force.validation.pieces])
 
 
@@ -148,14 +149,12 @@ def _turns(evidence: Evidence) -> bool:
     return evidence.dataset.training.shown(resolve_unit("Q", evidence.dataset.plant)) == "rad"
 
 
-def _place(evidence: Evidence, computed: Array, waves: Sequence[Wave] = ()) -> Place:
+def _place(evidence: Evidence, force: EquationErrorResult, computed: Array, waves: Sequence[Wave]) -> Place:
     """Return the coordinate over which a force is most nearly a curve, for each direction of motion; of one that
     repeats the position within a period of its strongest wave, if the records hold one, or within a turn.
     """
-    force, plant = evidence.equation_error, evidence.dataset.plant
-    assert force is not None  # noqa: S101  asked before
-    parts = force.validation.pieces
-    velocity, position = _at(evidence, plant.velocity), _at(evidence, plant.position)
+    plant, parts = evidence.dataset.plant, force.validation.pieces
+    velocity, position = _at(force, plant.velocity), _at(force, plant.position)
     if waves and waves[0].order * np.ptp(position) >= FULL_TURN:
         kept = _passing(velocity, waves[0], parts[0].cutoff)
         x, turns = folded(position[kept], waves[0].order), _turns(evidence)
@@ -190,7 +189,9 @@ def _unexplained(x: Array, side: Array, values: Array) -> float:
     return float(np.var(values - mean[index]) / max(float(np.var(values)), 1e-300))
 
 
-def _rival(evidence: Evidence, fitted: FittedModel, effect: str, place: Place) -> Explanation | None:
+def _rival(
+    evidence: Evidence, force: EquationErrorResult, fitted: FittedModel, effect: str, place: Place
+) -> Explanation | None:
     """Return the explanation of the best other effect in place of one; where there is none, what is left without it."""
     rest = set(fitted.effects) - {effect}
     options = [
@@ -198,22 +199,19 @@ def _rival(evidence: Evidence, fitted: FittedModel, effect: str, place: Place) -
         for one in evidence.cache.weighed
         if rest < set(one.effects) and len(one.effects) == len(fitted.effects) and effect not in one.effects
     ]
-    best = min(options, key=lambda one: one.log_mse, default=None) or _by_force(evidence, rest, effect)
+    best = min(options, key=lambda one: one.log_mse, default=None) or _by_force(evidence, force, rest, effect)
     if best is None:
         return None
     (other,) = set(best.effects) - rest
     if changes_effort(find_effect(other, "effects")):
         return None
-    return _explanation(best, other, place, *_lacking(evidence, best, other))
+    return _explanation(best, other, place, *_lacking(force, best, other))
 
 
-def _by_force(evidence: Evidence, rest: set[str], effect: str) -> FittedModel | None:
+def _by_force(evidence: Evidence, force: EquationErrorResult, rest: set[str], effect: str) -> FittedModel | None:
     """Return the best other effect in place of one as the equation-error estimate fitted it, if none was worth a
     simulation.
     """
-    force = evidence.equation_error
-    if force is None:
-        return None
     known = (*force.sets.values(), *force.replacements.get(effect, ()))
     sets = [m for m in known if rest < m.names and len(m.names) == len(rest) + 1]
     for m in sorted((m for m in sets if effect not in m.names), key=lambda m: m.validation_mse):

@@ -80,9 +80,7 @@ class Evidence:
         given, fitted = (self.force_mse_as_written(f) for f in (motion.unfitted, motion.base))
         if force is None or not force.effects or given is None or fitted is None:
             return self
-        near_noise = force.fit.validation_mse <= self.visible_force_mse or motion.base.within_noise(
-            self.criteria.min_force_over_noise
-        )
+        near_noise = force.leaves_noise or motion.base.within_noise(self.criteria.min_force_over_noise)
         surely_more = BlockChange(given, fitted).t_ratio <= -self.criteria.min_t
         if (self.percent_of_effort(fitted) or 0.0) <= WHOLE_EFFORT or near_noise or not surely_more:
             return self
@@ -226,8 +224,8 @@ class Evidence:
 
     @property
     def visible_force_mse(self) -> float:
-        """Mean square from which on a force residual is seen above that noise (`min_force_over_noise`)."""
-        return self.criteria.min_force_over_noise**2 * self.force_noise_mse
+        """Mean square from which on a force residual is seen above that noise; inf without equation error."""
+        return np.inf if self.equation_error is None else self.equation_error.regression.visible_mse
 
     @property
     def force_noise_percent(self) -> float:
@@ -311,7 +309,7 @@ class Evidence:
         """Tell whether no test finds structure in the residual, tested or not (`FittedModel.residual_is_noise` asks for
         enough samples, too); of a load that floats and is held by a filter, the windowed error must be near the noise.
         """
-        return f.white and (not _floats(f) or self.near_noise(f))
+        return f.white and (not f.floats or self.near_noise(f))
 
     def near_noise(self, f: FittedModel) -> bool:
         """Tell whether a model predicts every channel to about its sensor's noise: completeness can be tested there."""
@@ -323,11 +321,11 @@ class Evidence:
         """
         if self.near_noise(f):
             return True
-        if not f.residual_is_noise or _floats(f):
+        if not f.residual_is_noise or f.floats:
             return False
         times = self.criteria.max_rmse_over_noise * np.maximum([test.over_noise for test in f.residual_tests], 1.0)
         training, validation = self.dataset.training, self.dataset.validation
-        near = np.sqrt(np.nanmean(f.training_squares, axis=0)) < times * training.noise
+        near = f.training_rmse < times * training.noise
         return bool(np.all(near) and np.all(f.validation_rmse < times * validation.noise))
 
     def explains_to_noise(self, f: FittedModel) -> bool:
@@ -380,10 +378,6 @@ def changes_effort(effect: type[Effect]) -> bool:
 def _has(effect: type[Effect], *parts: str) -> bool:
     """Tell whether an effect has one of some parts of an equation as its own."""
     return any(getattr(effect, part) is not getattr(Effect, part) for part in parts)
-
-
-def _floats(f: FittedModel) -> bool:
-    return any(find_effect(name, "effects").floating for name in f.effects)
 
 
 def _orders(f: FittedModel) -> list[float]:

@@ -12,6 +12,7 @@ from signlin_ros.diagnosis.equation_error.estimate import LATE_SENSOR, EquationE
 from signlin_ros.diagnosis.equation_error.regression import RegressionFit
 from signlin_ros.diagnosis.evidence import HALF, Evidence
 from signlin_ros.diagnosis.output_error import FittedModel
+from signlin_ros.effects import kin_of
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model
 
@@ -66,12 +67,11 @@ class FamilyChoice:
             return proposal
         force, options = self.force, list[FittedModel]()
         for name in [n for n in proposal.effects if n in force.laws]:
-            family, tied = force.laws[name].effect.family, force.ties.get(name, ())
+            kin, tied = kin_of(name), force.ties.get(name, ())
             for fit in force.replacements.get(name, ()):
                 new = next(iter(fit.names - force.fit.names), "")
                 alike = new in tied or fit.validation_mse < self.evidence.visible_force_mse
-                kin = bool(family) and new in force.laws and force.laws[new].effect.family == family
-                if alike and not kin and (other := self.simulated(fit)):
+                if alike and new not in kin and (other := self.simulated(fit)):
                     options.append(other)
         return next(iter(self.evidence.output_error.as_good_as_best(proposal, options)), proposal)
 
@@ -81,9 +81,7 @@ class FamilyChoice:
         """Return a model with a richer law in place of one if motion surely asks for it, and force where it is seen."""
         evidence, laws = self.evidence, self.force.laws
         for name in (name for name in proposal.effects if name in laws):
-            family = laws[name].effect.family
-            names = [n for n, law in laws.items() if family and law.effect.family == family]
-            names = [n for n in names if n not in proposal.effects and n in evidence.laws]
+            names = [n for n in kin_of(name) if n in laws and n in evidence.laws and n not in proposal.effects]
             options, least, fit = [], np.inf, proposal.fit
             if names and proposal.residual_is_noise and not self.imposed:
                 least = (

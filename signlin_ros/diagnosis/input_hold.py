@@ -36,6 +36,7 @@ Hold = str | float
 FIRST = "centred"
 """What is tried first: it lies between the others, so if one of them is better than held inputs, so is this."""
 FURTHER_HOLDS: tuple[Hold, ...] = (LINEAR, "backward")
+"""What is tried after it, if it is better than held inputs."""
 LEADING = 3
 """Single laws that are fitted beside the base and the set that the force names."""
 AT_NOISE_RATIO = 1.1
@@ -179,7 +180,7 @@ def _other(motion: OutputErrorEstimator, force: EquationErrorResult | None, hold
 def _better(before: HoldTrial, after: HoldTrial, criteria: Criteria) -> bool:
     """Tell whether the best of a hold is surely, and visibly, better than the best of another."""
     found = improvement(before.known[before.best], after.known[after.best], before.motion.training.noise)
-    sure = found.t_ratio >= criteria.min_t and not found.worsens(criteria.max_rise_t, criteria.visible_change)
+    sure = found.t_ratio >= criteria.min_t and not found.worsens(criteria)
     return sure and bool(np.any(found.rmse_ratios <= BETTER_HOLD_RATIO))
 
 
@@ -199,7 +200,7 @@ def _said(dataset: Dataset, held: HoldTrial, taken: HoldTrial) -> str:
     a, b = _errors(held, names), _errors(taken, names)
     k = int(np.argmin(b / a))
     channel, problem = dataset.training.channels[k], dataset.training
-    unit = problem.shown(problem.units.get(channel, dataset.model.units.get(channel, "")))
+    unit = problem.unit_of(channel)
     figures = phrases.error_changes(channel, dataset.horizon, a[k], b[k], unit)
     return phrases.input_acts(taken.hold, figures, names)
 

@@ -50,7 +50,7 @@ def by_absolute_error(found: Diagnosis, model: Model, data: Sequence[ModelData])
     k = problem.channels.index(model.plant.position)
     first, last = (float(np.nanmean(np.abs(np.concatenate(e[0])[:, k]))) for e in (before, after))
     written = [f"{n} {p}" for n, p in parameters.items() if n.partition(".")[0] in keys]
-    note = closed_loops.absolute(first, last, problem.shown(problem.units.get(model.plant.position, "")), written)
+    note = closed_loops.absolute(first, last, problem.unit_of(model.plant.position), written)
     text = yaml_of(new, parameters, found.findings)
     return replace(found, model=new, yaml=text, notes=(*found.notes, note))
 

@@ -23,7 +23,7 @@ def names_to_search(evidence: Evidence, proposal: FittedModel) -> list[str] | No
     force, share = evidence.equation_error, evidence.percent_of_effort(evidence.force_mse(evidence.base))
     if force is None or not evidence.force_shows(evidence.base) or set(proposal.effects) & evidence.unseen_by_force:
         return None
-    small = share is not None and share < 100.0 * evidence.criteria.min_missing_share
+    small = share is not None and share < evidence.criteria.missing_percent
     waves = {n for n, effect in EFFECTS.items() if effect.periodic}  # what passes its band is not all that there are
     names = evidence.unseen_by_force | waves | (set() if small and not force.effects else force.helpful)
     return sorted(names & evidence.output_error.candidates)
@@ -64,7 +64,7 @@ def surpasses(evidence: Evidence, proposal: FittedModel, other: FittedModel) -> 
     c, g = evidence.criteria, evidence.output_error.improvement(proposal, other)
     if (
         other.log_mse > proposal.log_mse
-        or g.worsens(c.max_rise_t, c.visible_change)
+        or g.worsens(c)
         or evidence.rising_channel(proposal, other, c.tie_t)
         or evidence.force_rises(proposal, other)
     ):
@@ -116,8 +116,7 @@ def _alike_and_no_simpler(evidence: Evidence, proposal: FittedModel, other: Fitt
     differences that no table shows may be of one sign in every block, as where both are the same law.
     """
     alike = evidence.output_error.improvement(proposal, other).falls_by_less(evidence.criteria.visible_change)
-    simpler = (len(other.effects), other.n_parameters) < (len(proposal.effects), proposal.n_parameters)
-    return alike and not simpler and (proposal.white or not other.white)
+    return alike and other.size >= proposal.size and (proposal.white or not other.white)
 
 
 def smallest_as_good(evidence: Evidence, proposal: FittedModel, options: Sequence[FittedModel]) -> FittedModel:
@@ -134,14 +133,14 @@ def smallest_as_good(evidence: Evidence, proposal: FittedModel, options: Sequenc
         for f in options
         if not told or evidence.force_mse(f) is not None or (f.residual_is_noise and evidence.residual_is_white(f))
     ]
-    return min(options, key=lambda f: (len(f.effects), f.n_parameters, f.log_mse), default=proposal)
+    return min(options, key=lambda f: (f.size, f.log_mse), default=proposal)
 
 
 def simplest(evidence: Evidence, options: Sequence[FittedModel]) -> FittedModel | None:
     """Return the simplest of the options that are as good as the best one; None where there is no option."""
     best = min(options, key=lambda f: f.log_mse, default=None)
     as_good = [f for f in options if best and evidence.output_error.as_good(best, f)]
-    return min(as_good, key=lambda f: (len(f.effects), f.n_parameters, f.log_mse), default=None)
+    return min(as_good, key=lambda f: (f.size, f.log_mse), default=None)
 
 
 __all__ = [

@@ -43,7 +43,7 @@ def without_rounding(evidence: Evidence, verdict: Verdict) -> Verdict:
     if not offsets or any(abs(x) >= steps[c] for c, x in offsets.items()):
         return verdict
     rest, (channel, offset) = verdict.without[SENSOR_OFFSET], next(iter(offsets.items()))
-    unit = problem.shown(problem.units.get(channel, ""))
+    unit = problem.unit_of(channel)
     dropped = {**verdict.selection.dropped, SENSOR_OFFSET: phrases.rounded(channel, offset, steps[channel], unit)}
     other = verdict_of(evidence, replace(verdict.selection, chosen=rest, dropped=dropped))
     evidence.cache.keep(*([rest] if rest.effects else []))

@@ -9,10 +9,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
+from signlin_ros.diagnosis.dataset import Dataset
 from signlin_ros.diagnosis.evidence import Evidence, equation_error_of
 from signlin_ros.diagnosis.output_error import FitCache, estimator_of
 from signlin_ros.diagnosis.preference import simplest
 from signlin_ros.diagnosis.selection import Selection
+from signlin_ros.diagnosis.wording import phrases
 from signlin_ros.errors import InputError, SimulationError
 
 
@@ -22,10 +26,10 @@ def with_inputs_as_recorded(evidence: Evidence, selection: Selection) -> tuple[E
     noise, or is one law that leaves but noise so, too, or where no law more does.
     """
     chosen, motion = selection.chosen, evidence.output_error
-    allows = evidence.dataset.training.input_noise.any()
+    allows = evidence.dataset.training.allows_for_input_noise
     if not allows or selection.conflict or not chosen.white or len(chosen.effects) >= evidence.criteria.max_effects:
         return None
-    dataset = evidence.dataset.with_inputs_as_recorded()
+    dataset = _as_recorded(evidence.dataset)
     try:
         exact = estimator_of(
             dataset.training, dataset.validation, motion.criteria, FitCache(), motion.progress, motion.jobs
@@ -43,6 +47,14 @@ def with_inputs_as_recorded(evidence: Evidence, selection: Selection) -> tuple[E
         return None
     exact.cache.keep(same, *options)
     return _with_force(recorded), Selection(found)
+
+
+def _as_recorded(dataset: Dataset) -> Dataset:
+    """Return the same data with inputs that are known, and a note on them: their noise acts on the plant."""
+    noisy = np.array(dataset.training.base.inputs)[dataset.training.input_noise > 0.0].tolist()
+    training, validation = (one.with_inputs_as_recorded() for one in (dataset.training, dataset.validation))
+    training = replace(training, notes=(*training.notes, phrases.inputs_as_recorded(noisy)))
+    return replace(dataset, training=training, validation=validation)
 
 
 def _with_force(evidence: Evidence) -> Evidence:

@@ -168,7 +168,7 @@ def _confirmed(choice: FamilyChoice, proposal: FittedModel) -> FittedModel | Non
     proposal = other if stated else proposal
     g = motion.improvement(evidence.base, proposal)
     least = 0.0 if evidence.explains_force(proposal) else c.min_validation_t
-    if g.t_ratio < least or g.worsens(c.max_rise_t, c.visible_change):
+    if g.t_ratio < least or g.worsens(c):
         return None
     if not stated and proposal.insignificant(c):
         options = motion.simplified(proposal)
@@ -188,8 +188,7 @@ def reduced(evidence: Evidence, proposal: FittedModel) -> FittedModel:
     weighed before, and of it with two effects merged or with one left out.
     """
     motion, several = evidence.output_error, len(proposal.effects) > 1
-    size = (len(proposal.effects), proposal.n_parameters)
-    options = [f for f in evidence.cache.weighed if (len(f.effects), f.n_parameters) < size and f.effects]
+    options = [f for f in evidence.cache.weighed if f.effects and f.size < proposal.size]
     options += _pairs_merged(motion, proposal) if several else []
     for name in proposal.effects if several else ():
         with contextlib.suppress(SignlinError):

@@ -12,7 +12,7 @@ import contextlib
 from signlin_ros.diagnosis.evidence import Evidence
 from signlin_ros.diagnosis.output_error import FittedModel
 from signlin_ros.diagnosis.preference import sufficient_law
-from signlin_ros.effects import EFFECTS, SensorEffect
+from signlin_ros.effects import EFFECTS, SensorEffect, kin_of
 from signlin_ros.errors import InputError
 
 MIN_GAIN_SHARE, MIN_FAMILY_SHARE = 0.5, 1.0
@@ -53,9 +53,7 @@ def fit_families(evidence: Evidence, proposal: FittedModel) -> list[FittedModel]
     """Return fits of a proposal with another law of the same family in the place of one."""
     options = list[FittedModel]()
     for name in proposal.effects if len(proposal.effects) > 1 else ():
-        family = EFFECTS[name].family
-        names = [n for n, effect in EFFECTS.items() if family and effect.family == family and n not in proposal.effects]
-        names = [n for n in names if n in evidence.output_error.candidates]
+        names = [n for n in kin_of(name) if n in evidence.output_error.candidates and n not in proposal.effects]
         with contextlib.suppress(InputError):  # without it the motion diverges
             rest = evidence.output_error.fitted([n for n in proposal.effects if n != name], proposal.model)
             options += _extended(evidence, rest, names, proposal, MIN_FAMILY_SHARE)

@@ -21,7 +21,7 @@ from signlin_ros.diagnosis.verdict import Verdict
 from signlin_ros.diagnosis.wording import closed_loops, phrases, verdicts
 from signlin_ros.diagnosis.wording.reasons import REASONS
 from signlin_ros.diagnosis.wording.rivals import told as rivals_told
-from signlin_ros.effects import EFFECTS, find_effect
+from signlin_ros.effects import EFFECTS, find_effect, kin_of
 from signlin_ros.errors import InputError
 from signlin_ros.fitting.settled import restored
 
@@ -148,23 +148,18 @@ def _ties(evidence: Evidence, verdict: Verdict, effect: str) -> tuple[str, ...]:
 
 def _named(evidence: Evidence, verdict: Verdict, effect: str, ties: tuple[str, ...], doubts: Doubts) -> RankingEntry:
     """Return the entry of an effect that is proposed."""
-    doubted = verdict.reason == "once" and effect in verdict.remembers
+    doubted = verdict.reason == "once" and effect in verdict.final.remembers
     doubted |= verdict.reason == "loop" and effect == verdict.loop
     doubted |= doubts.of(effect)
     doubted |= not verdicts.shown_falls(evidence, verdict, verdict.without[effect], verdict.final)
     open_ones = [r.effects for r in (*doubts.undecided, *doubts.near)]
     ties = tuple(sorted({*ties, *(n for effects in open_ones for n in effects if n not in verdict.names)}))
-    status = "ambiguous" if doubted or any(not _richer(t, effect) for t in ties) else "confirmed"
+    doubted |= any(t not in kin_of(effect) for t in ties)  # a richer law of its family is no doubt
+    status = "ambiguous" if doubted else "confirmed"
     if verdict.refused or (verdict.reason and REASONS[verdict.reason].rejects):
         status = "rejected"
     own, why = verdicts.own_parameters(verdict.final, effect), verdicts.why_named(evidence, verdict, effect)
     return RankingEntry(effect, status, own, row(evidence, verdict.final, None).validation, ties, why)
-
-
-def _richer(a: str, b: str) -> bool:
-    """Tell whether a is a richer law of b's family: then b is named for being simpler, and that is no doubt."""
-    first, second = (find_effect(n, "effects") for n in (a, b))
-    return bool(first.family) and first.family == second.family
 
 
 def _other(evidence: Evidence, verdict: Verdict, name: str, f: FittedModel) -> RankingEntry:
@@ -193,7 +188,7 @@ def _by_force(evidence: Evidence, verdict: Verdict, name: str) -> RankingEntry:
 
 def _beside(e: RankingEntry, tied: str) -> RankingEntry:
     """Return the entry of what is as good as an effect that is named."""
-    richer = _richer(e.effect, tied)
+    richer = e.effect in kin_of(tied)  # then that is named for being simpler
     why = phrases.as_good(tied, richer)
     return replace(e, status="rejected" if richer else "ambiguous", indistinguishable_from=(tied,), why=why)
 

@@ -4,26 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.comparison.force_segment import ForceSegment, missing_force
 from signlin_ros.comparison.scores import unfollowed
 from signlin_ros.diagnosis.blocks import BlockChange
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.dataset import Dataset
-from signlin_ros.diagnosis.equation_error.flexible import Curve, changing
+from signlin_ros.diagnosis.equation_error.flexible import Columns, Curve, changing
 from signlin_ros.diagnosis.equation_error.regression import RegressionFit
 from signlin_ros.diagnosis.evidence import HALF, Evidence
-from signlin_ros.diagnosis.loops import forces_of
 from signlin_ros.diagnosis.output_error import FittedModel, OutputErrorEstimator
-from signlin_ros.diagnosis.output_error.score import generalizes_badly, improvement, of_windows
+from signlin_ros.diagnosis.output_error.score import improvement, of_windows
+from signlin_ros.diagnosis.results import listed
 from signlin_ros.diagnosis.rows import row
 from signlin_ros.diagnosis.wording import phrases
 from signlin_ros.effects import find_effect
 from signlin_ros.errors import InputError
 from signlin_ros.fitting.prepare import reversed_signal
+from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
 
@@ -120,7 +122,17 @@ class ValidationTests:
             return ""
         fit = force.sets.get(self.evidence.effects_in_force(self.final))
         left = fit.validation_residual if fit else force.validation.force_residual(self.final.model)
-        return changing(force.regression, left, forces_of(self.final, self.remembers))
+        return changing(force.regression, left, self._forces_of_loops())
+
+    def _forces_of_loops(self) -> dict[str, Columns]:
+        """Return the force (T,) along a piece of every effect that remembers the way, by ``loop of`` and its name."""
+
+        def force(piece: ForceSegment, without: Model) -> Array:
+            return missing_force(without, piece) - missing_force(self.final.model, piece)
+
+        keys = {k: use.type for k, use in self.final.added.items() if use.type in self.final.remembers}
+        without = {n: self.final.model.without_effect(k) for k, n in keys.items()}
+        return {f"loop of {listed([n])}": partial(force, without=model) for n, model in without.items()}
 
     @cached_property
     def loop(self) -> str:
@@ -128,7 +140,7 @@ class ValidationTests:
         least = max(
             100.0 * self.criteria.max_rmse_left, self.criteria.min_force_over_noise * self.evidence.force_noise_percent
         )
-        own = [n for n in self.remembers if find_effect(n, "effects").family]
+        own = [n for n in self.final.remembers if find_effect(n, "effects").family]
         return own[0] if own and max(self.percent or 0, self.imposed or 0) > least else ""
 
     def worse(self) -> str:
@@ -159,11 +171,6 @@ class ValidationTests:
         given, final = (self.evidence.force_mse_as_written(f) for f in (self.output_error.unfitted, self.final))
         return given is None or final is None or BlockChange(given, final).t_ratio <= self.criteria.min_validation_t
 
-    @property
-    def remembers(self) -> tuple[str, ...]:
-        """The effects of the proposal that have a state of their own."""
-        return tuple(n for n in self.names if find_effect(n, "effects").states)
-
     @cached_property
     def unfollowed(self) -> list[str]:
         """The channels that none of the models that were fitted follows, neither where it was fitted nor elsewhere."""
@@ -178,16 +185,12 @@ class ValidationTests:
     @cached_property
     def generalizes_badly(self) -> bool:
         """Whether the model follows validation data far worse than those that it was fitted to: of its force, too."""
-        noise = (self.output_error.training.noise, self.output_error.validation.noise)
-        final = self.final
         force = self.evidence.equation_error
-        if not generalizes_badly(
-            final.training_squares, final.validation_squares, *noise, self.criteria.max_rmse_over_noise
-        ):
+        if not self.output_error.generalizes_badly(self.final):
             return False
         if force is None or self.percent is None or not self.force_told:
             return True
-        known = float(np.sqrt(np.mean(force.mse_as_written(final.model, known=True)))) / force.training.effort
+        known = float(np.sqrt(np.mean(force.mse_as_written(self.final.model, known=True)))) / force.training.effort
         return 100.0 * known < HALF * self.percent
 
     @property
@@ -272,7 +275,7 @@ class ValidationTests:
         follows from the model's own motion: then some other law of the motion is missing.
         """
         c, tested = self.criteria, self.final.residual_tests
-        large = (self.percent or 0.0) > 100.0 * c.min_missing_share
+        large = (self.percent or 0.0) > c.missing_percent
         return large and any(one.structured and one.dependent > c.max_dependent_share for one in tested)
 
     @property
@@ -281,10 +284,10 @@ class ValidationTests:
         missing where no force is seen. Of a load that floats the place is not seen while the play is crossed, and what
         is left has the structure of that.
         """
-        if self.percent is not None or self.floats or self.dataset.plant.motion_is_imposed():
+        if self.percent is not None or self.final.floats or self.dataset.plant.motion_is_imposed():
             return False
         channels = zip(self._unpredicted_by_channel, self.final.residual_tests, strict=True)
-        return any(part > 100.0 * self.criteria.min_missing_share and one.structured for part, one in channels)
+        return any(part > self.criteria.missing_percent and one.structured for part, one in channels)
 
     @property
     def _unpredicted_by_channel(self) -> list[float]:
@@ -319,11 +322,6 @@ class ValidationTests:
         imposed = (self.imposed or 0.0) ** 2 if self.names else 0.0
         return max(effort, imposed) > 100.0**2 * self.criteria.max_force_mse_left
 
-    @property
-    def floats(self) -> bool:
-        """Whether one of the effects has a load that moves freely for a time, where nothing shows its place."""
-        return any(find_effect(n, "effects").floating for n in self.names)
-
     def has_idle_law(self) -> bool:
         """Tell whether one of several laws does not surely take away force, where forces tell of it."""
         evidence, several = self.evidence, self.names if len(self.names) > 1 else ()
@@ -344,9 +342,7 @@ class ValidationTests:
         before, after = (f.validation_squares.reshape(count, -1, channels) for f in (evidence.base, self.final))
         folds = unseen.folds or tuple((i,) for i in range(count))
         pairs = (tuple(one[list(fold)].reshape(-1, channels) for one in (before, after)) for fold in folds)
-        return len(folds) > 1 and not any(
-            improvement(a, b, unseen.noise).worsens(c.max_rise_t, c.visible_change) for a, b in pairs
-        )
+        return len(folds) > 1 and not any(improvement(a, b, unseen.noise).worsens(c) for a, b in pairs)
 
     @property
     def leaves_much_motion(self) -> bool:
@@ -356,7 +352,7 @@ class ValidationTests:
         """
         known = improvement(self.base.training_squares, self.final.training_squares, self.output_error.training.noise)
         gains, c = (known, self.output_error.improvement(self.base, self.final)), self.criteria
-        large = self.unpredicted > 100.0 * c.min_missing_share
+        large = self.unpredicted > c.missing_percent
         little = large and min(g.joint_reduction for g in gains) < c.max_force_mse_left
         return little or min(g.mse_reduction for g in gains) < 1.0 - c.max_force_mse_left
 
@@ -365,9 +361,7 @@ class ValidationTests:
         steps, c = [self.base], self.criteria
         for k in range(1, len(self.names)):
             part = self._part(self.names[:k])
-            if part.effects and not self.output_error.improvement(steps[-1], part).worsens(
-                c.max_rise_t, c.visible_change
-            ):
+            if part.effects and not self.output_error.improvement(steps[-1], part).worsens(c):
                 steps.append(part)
         return (*steps, *([self.final] if self.names else []))
 

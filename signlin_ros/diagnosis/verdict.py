@@ -10,7 +10,6 @@ from signlin_ros.diagnosis.evidence import Evidence
 from signlin_ros.diagnosis.output_error import FittedModel
 from signlin_ros.diagnosis.selection import Selection
 from signlin_ros.diagnosis.validation import ValidationTests
-from signlin_ros.effects import find_effect
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,11 +60,6 @@ class Verdict:
         """The effects that the model lacks."""
         return self.final.effects
 
-    @property
-    def remembers(self) -> tuple[str, ...]:
-        """Those of them that have a state of their own."""
-        return tuple(n for n in self.names if find_effect(n, "effects").states)
-
 
 def reason_of(tests: ValidationTests, conflict: str = "") -> str:
     """Return why the records are not explained, a key of `signlin_ros.diagnosis.wording.reasons.REASONS`; empty if they
@@ -95,7 +89,7 @@ def reason_of(tests: ValidationTests, conflict: str = "") -> str:
         return "worse"
     if tests.names and tests.no_better:
         return "given"
-    if tests.remembers and tests.dataset.seldom:
+    if tests.final.remembers and tests.dataset.seldom:
         return "once"
     if tests.names and tests.of_noise:
         return "noise"
@@ -119,7 +113,7 @@ def _reason_by_force(tests: ValidationTests) -> str:
     """
     final, near = tests.final, tests.evidence.near_noise(tests.final)
     largest = max(tests.percent or 0.0, tests.unpredicted)
-    large = not tests.names and largest > 100.0 * tests.criteria.min_missing_share
+    large = not tests.names and largest > tests.criteria.missing_percent
     if large and tests.generalizes_badly:
         return "elsewhere"
     noise = (final.residual_is_noise and (not large or tests.follows)) or (near and final.white)
@@ -143,7 +137,7 @@ def _reason_by_motion(tests: ValidationTests) -> str:
         explained = tests.explains_all_force or not (tests.leaves_much_motion or tests.leaves_structured_channel)
         explained = explained or (tests.carries_over and not tests.generalizes_badly)
         return "" if explained else "elsewhere" if tests.generalizes_badly else "structure"
-    follows = tests.floats and tests.evidence.near_noise(tests.final) and not tests.leaves_much_motion
+    follows = tests.final.floats and tests.evidence.near_noise(tests.final) and not tests.leaves_much_motion
     return "" if noise or tests.within_noise or tests.leaves_little or follows else "structure"
 
 

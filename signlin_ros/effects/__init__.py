@@ -122,6 +122,12 @@ def find_effect(name: str, where: str) -> type[Effect]:
     return EFFECTS[name]
 
 
+def kin_of(name: str) -> list[str]:
+    """Return the other effects of an effect's family, in the order of the catalogue; none where it has no family."""
+    family = find_effect(name, "effects").family
+    return [n for n, other in EFFECTS.items() if family and other.family == family and n != name]
+
+
 def load_effect_file(path: Path) -> None:
     """Run a user's Python file and register every `Effect` in it; raise `ModelError` if it fails."""
     if not path.is_file():
@@ -178,6 +184,7 @@ __all__ = [
     "Effect",
     "SensorEffect",
     "find_effect",
+    "kin_of",
     "load_effect_file",
     "load_entry_points",
     "origin",

@@ -75,9 +75,14 @@ class Problem:
         """The plant of the base model."""
         return self.base.plant
 
+    @property
+    def allows_for_input_noise(self) -> bool:
+        """Whether the last observer allows for noise of the inputs."""
+        return bool(self.input_noise.any())
+
     def with_inputs_as_recorded(self) -> Problem:
         """Return the problem with inputs that are known: what looks like noise of theirs acts on the plant."""
-        if not self.input_noise.any():
+        if not self.allows_for_input_noise:
             return self
         *gains, _ = self.observer_gains
         *watching, _ = self.force_observers
@@ -158,6 +163,10 @@ class Problem:
     def shown(self, unit: str) -> str:
         """Return a unit of the model as the records have it."""
         return rotary_unit(unit) if self.rotary else unit
+
+    def unit_of(self, name: str) -> str:
+        """Return the unit of a signal as the records have it; empty where it has none."""
+        return self.shown(self.units.get(name, ""))
 
     @property
     def counts(self) -> Array:

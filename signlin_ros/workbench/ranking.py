@@ -57,7 +57,7 @@ class Ranking:
 
 def _worst(f: FittedModel) -> float:
     """Return the error on validation data over the noise, of the worst channel."""
-    rms = np.sqrt(np.nanmean(f.validation_squares, axis=0))
+    rms = f.validation_rmse
     return float(np.nanmax(rms / np.maximum(f.noise, 1e-300)))
 
 

@@ -71,6 +71,8 @@ class Fit:
         return float(np.sum(np.log(np.mean(self.validation_squares, axis=0))))
 
     asks_hold = False
+    size, remembers, floats = FittedModel.size, FittedModel.remembers, FittedModel.floats
+    training_rmse, validation_rmse = FittedModel.training_rmse, FittedModel.validation_rmse
 
     @property
     def model(self) -> Any:
@@ -96,10 +98,6 @@ class Fit:
     @property
     def added(self) -> dict[str, Any]:
         return {}
-
-    @property
-    def validation_rmse(self) -> np.ndarray:
-        return np.sqrt(self.validation_squares.mean(axis=0))
 
     @property
     def noise(self) -> np.ndarray:
@@ -134,6 +132,7 @@ class Motion:
             channels=channels,
             units=units,
             shown=lambda unit: unit,
+            unit_of=units.get,
             base=SimpleNamespace(
                 update_period=0.2, plant=SimpleNamespace(motion_is_imposed=lambda: imposed, closed_loop=False)
             ),
@@ -141,7 +140,7 @@ class Motion:
             segments=(SimpleNamespace(y=np.outer((-SPREAD, SPREAD), np.ones(len(channels)))),),
             noise=np.full(len(channels), NOISE),
             quanta=np.zeros(len(channels)),
-            input_noise=np.zeros(1),
+            allows_for_input_noise=False,
             turns=True,
         )
         self.validation = self.training
@@ -164,8 +163,7 @@ class Motion:
     def t_ratio(self, before: Fit, after: Fit) -> float:
         return self.improvement(before, after).t_ratio
 
-    def settles(self, before: Fit, after: Fit) -> bool:
-        return OutputErrorEstimator.settles(self, before, after)
+    settles, generalizes_badly = OutputErrorEstimator.settles, OutputErrorEstimator.generalizes_badly
 
 
 def equation_error_stub(
@@ -178,7 +176,8 @@ def equation_error_stub(
 ) -> Any:
     unseen = SimpleNamespace(noise_mse=0.01**2, effort=EFFORT, free=False, force_residual=lambda model: np.zeros(1))
     known = SimpleNamespace(pieces=[SimpleNamespace(position_measured=True)])
-    regression = SimpleNamespace(training=known, validation=unseen, current=current)
+    visible = (DEFAULT_CRITERIA.min_force_over_noise * 0.01) ** 2
+    regression = SimpleNamespace(training=known, validation=unseen, current=current, visible_mse=visible)
     nothing = Curve(False, math.inf)
     return SimpleNamespace(
         regression=regression,
@@ -835,7 +834,7 @@ def test_why_more_than_the_sensors_noise_counts_as_noise(clean, curve, told):
     left = [SimpleNamespace(dependent=0.001), SimpleNamespace(dependent=0.004)]
     final = SimpleNamespace(residual_is_noise=clean, residual_tests=left, validation_rmse=np.array([0.03, 0.46]))
     sensors = {"current": 0.01, "speed": 0.1}
-    channels = SimpleNamespace(channels=("current", "speed"), input_noise=np.zeros(1))
+    channels = SimpleNamespace(channels=("current", "speed"), allows_for_input_noise=False)
     dataset = SimpleNamespace(horizon=0.2, training=channels, noise=sensors)
     seen = SimpleNamespace(
         force_noise_percent=0.796,
@@ -887,7 +886,7 @@ def test_unseen_data_that_reach_further_are_told(size, differs):
         SimpleNamespace(measured={"displacement": a * 7.7e-3 * np.sin(t)}, inputs=("force",), u=np.cos(t)[:, None])
         for a in (1.0, size)
     )
-    problems = [SimpleNamespace(parts=(part,), units={"displacement": "m"}, shown=str) for part in (known, unseen)]
+    problems = [SimpleNamespace(parts=(part,), unit_of=lambda name: "m") for part in (known, unseen)]
     text = verdicts.further(SimpleNamespace(training=problems[0], validation=problems[1]))
     assert bool(text) is differs
     if differs:

@@ -153,7 +153,7 @@ def replaced(simple, errs, rises=False, noise=True):
         t_ratio=lambda before, after: before.errs - after.errs,
         refusal=lambda before, after: "" if before.errs - after.errs >= DEFAULT_CRITERIA.min_t else "too little",
         as_good=lambda best, f: True,
-        improvement=lambda before, after: SimpleNamespace(worsens=lambda worse, alike: False),
+        improvement=lambda before, after: SimpleNamespace(worsens=lambda c: False),
     )
     given = SimpleNamespace(
         output_error=motion,
@@ -163,8 +163,8 @@ def replaced(simple, errs, rises=False, noise=True):
         force_change=lambda before, after: None,
     )
     known = {"implausible": [], "residual_is_noise": noise}
-    final = SimpleNamespace(effects=("lugre_friction",), errs=0.0, n_parameters=6, log_mse=0.0, **known)
-    other = SimpleNamespace(effects=(simple,), errs=errs, n_parameters=1, log_mse=0.1, **known)
+    final = SimpleNamespace(effects=("lugre_friction",), errs=0.0, size=(1, 6), log_mse=0.0, **known)
+    other = SimpleNamespace(effects=(simple,), errs=errs, size=(1, 1), log_mse=0.1, **known)
     rivals = [RefittedRival(f.effects, f, f) for f in (other, final)]
     return discriminated(given, Selection(final), rivals).chosen.effects[0]
 
@@ -207,7 +207,7 @@ def test_two_laws_that_no_rival_has_together_are_not_confirmed():
 def with_models(effects, errs, noise=True):
     """Return a fit as `fitted`, with its model."""
     model = motor(**{name: {} for name in effects})
-    known = {"model": model, "implausible": [], "n_parameters": len(effects), "log_mse": errs}
+    known = {"model": model, "implausible": [], "size": (len(effects), len(effects)), "log_mse": errs}
     return SimpleNamespace(**vars(fitted(*effects, errs=errs, noise=noise)), **known)
 
 
@@ -226,7 +226,7 @@ def held_against(errs, diverges=False, noise=True):
         return None if diverges else with_models(effects, errs)
 
     more = {"fitted_from": fitted_from, "as_good": lambda best, f: True}
-    better = SimpleNamespace(worsens=lambda worse, alike: False)
+    better = SimpleNamespace(worsens=lambda c: False)
     given.output_error = SimpleNamespace(**vars(given.output_error), **more, improvement=lambda before, after: better)
     final = with_models(("coulomb_friction", "cogging_torque"), 0.0, noise)
     alone = [with_models((name,), 20.0) for name in ("coulomb_friction", "dahl_presliding")]

@@ -94,11 +94,9 @@ def test_only_a_wave_of_which_the_records_hold_a_period_folds_the_position(order
     values = {"displacement": q, "velocity": np.gradient(q, 0.01)}
     piece = SimpleNamespace(values=values, kept=np.ones(q.size, dtype=bool), cutoff=20.0, t=np.arange(q.size) * 0.01)
     training = SimpleNamespace(shown=lambda unit: unit, units={"displacement": "m"})
-    evidence = SimpleNamespace(
-        equation_error=SimpleNamespace(validation=SimpleNamespace(pieces=(piece,))),
-        dataset=SimpleNamespace(plant=MASS.plant, training=training),
-    )
-    found = _place(evidence, 3.0 * q, [Wave(order, 1.0)])
+    force = SimpleNamespace(validation=SimpleNamespace(pieces=(piece,)))
+    evidence = SimpleNamespace(dataset=SimpleNamespace(plant=MASS.plant, training=training))
+    found = _place(evidence, force, 3.0 * q, [Wave(order, 1.0)])
     assert np.isfinite(found.x).all()
     assert (found.name == "displacement within a period") is folds
     assert found.x.max() - found.x.min() <= min(np.ptp(q), 2 * np.pi / order)

@@ -68,7 +68,7 @@ class EquationErrorResult:
     @classmethod
     def of(cls, given: Model, search: SubsetSearch) -> EquationErrorResult:
         """Return the result of a search that has been run, for a model."""
-        fit, base = search.chosen, search.base
+        fit, base = search.chosen(), search.base
         flexible = structured(search.r, search.waves, base, fit)
         sets = dict(search.models)  # before what follows is asked: it does not depend on that
         beside = {name: search.beside(fit, name) for name, _ in fit.members}
@@ -79,7 +79,7 @@ class EquationErrorResult:
             base,
             fit,
             frozenset(names for names, f in sets.items() if search.sound(f)),
-            search.helpful,
+            search.helpful(),
             search.waves,
             flexible,
             beside,
@@ -113,12 +113,9 @@ class EquationErrorResult:
 
     def without(self, names: Iterable[str]) -> EquationErrorResult:
         """Return the result with the least of the best sound sets that have none of some laws as the chosen one."""
-        gone, most = set(names), (1.0 + self.regression.criteria.visible_change) ** 2
-        options = [self.base, *(self.sets[one] for one in self.sound if not one & gone)]
-        least = min(f.validation_mse for f in options)
-        near = [f for f in options if f.validation_mse <= most * least]
-        fit = min(near, key=lambda f: (f.n_parameters, f.validation_mse, sorted(f.names)))
-        return replace(self, fit=fit, replacements={}, ties={})
+        gone = set(names)
+        options = [f for one, f in self.sets.items() if one in self.sound and not one & gone]
+        return replace(self, fit=self.regression.least_that_suffices([self.base, *options]), replacements={}, ties={})
 
     def structure_left(self, fit: RegressionFit) -> Curve:
         """Return the residual of a fit after a flexible curve, in per cent of the effort."""

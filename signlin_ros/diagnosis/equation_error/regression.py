@@ -243,6 +243,17 @@ class Regression:
         first, second = (np.bincount(v.blocks, f.validation_residual**2).astype(float) for f in (a, b))
         return mean_t_ratio(second, first, np.asarray(v.noise_mse * np.bincount(v.blocks), dtype=np.float64))
 
+    def alike(self, best: RegressionFit, f: RegressionFit) -> bool:
+        """Tell whether a fit is as good as a better one on validation data."""
+        c = self.criteria
+        return self.surely(best, f) < c.tie_t or f.validation_mse < (1 + c.visible_change) ** 2 * best.validation_mse
+
+    def least_that_suffices(self, fits: Sequence[RegressionFit]) -> RegressionFit:
+        """Return the fit of the fewest parameters of those within a standard error or 1 % RMS of the best one."""
+        best = min(fits, key=lambda f: f.validation_mse)
+        near = [f for f in fits if f is best or self.alike(best, f)]
+        return min(near, key=lambda f: (f.n_parameters, f.validation_mse))
+
     def percent(self, fit: RegressionFit) -> float:
         """Return the force that is left of validation data in per cent of the effort (RMS)."""
         return 100.0 * float(np.sqrt(fit.validation_mse)) / max(self.validation.effort, MIN_DIVISOR)

@@ -192,9 +192,8 @@ class SubsetSearch:
         known = [m for m in simple if len(self.shapes[m[0]]) == 1 or frozenset(dict([*rest, m])) in self.models]
         return [self._known([*rest, m]) for m in known]
 
-    @functools.cached_property
     def helpful(self) -> frozenset[str]:
-        """The laws that take away some of the missing force of validation data, alone or beside others."""
+        """Return the laws that take away some of the missing force of validation data, alone or beside others."""
         fits = list(self.models.values())
         return frozenset(n for f in fits for n in f.names if self.without(f, n).validation_mse > f.validation_mse)
 
@@ -270,18 +269,14 @@ class SubsetSearch:
         at = np.arange(span.start, span.stop)[np.isfinite(f.std[span])]
         return float(np.sqrt(squared_distance(f.theta[at], f.covariance[np.ix_(at, at)])))
 
-    @functools.cached_property
     def chosen(self) -> RegressionFit:
-        """The least set that is sound, within a standard error or 1 % RMS of the best; what is worth most first."""
+        """Return the least sound set that suffices, the law that is worth most first."""
         found = self._choice()
         ordered = sorted(found.members, key=lambda m: -self.without(found, m[0]).validation_mse)
         return self.r.fitted(ordered) if len(ordered) > 1 else found
 
     def _choice(self) -> RegressionFit:
-        sound = [f for f in self._with_smaller_sets() if self.sound(f)] or [self.base]
-        best = min(sound, key=lambda f: f.validation_mse)
-        near = [f for f in sound if f is best or self.alike(best, f)]
-        return min(near, key=lambda f: (f.n_parameters, f.validation_mse))
+        return self.r.least_that_suffices([f for f in self._with_smaller_sets() if self.sound(f)] or [self.base])
 
     def _with_smaller_sets(self) -> list[RegressionFit]:
         """Return all sets that were fitted, and those that a law more led to, without one of its others."""
@@ -289,11 +284,6 @@ class SubsetSearch:
             for name, _ in f.members if len(f.members) > 1 else ():
                 self.without(f, name)
         return list(self.models.values())
-
-    def alike(self, best: RegressionFit, f: RegressionFit) -> bool:
-        """Tell whether a fit is as good as a better one on validation data."""
-        c = self.r.criteria
-        return self.r.surely(best, f) < c.tie_t or f.validation_mse < (1 + c.visible_change) ** 2 * best.validation_mse
 
     def beside(self, f: RegressionFit, name: str) -> tuple[RegressionFit, ...]:
         """Return the sets that have another law in the place of one of a fit's, each from all its shapes."""
@@ -310,7 +300,7 @@ class SubsetSearch:
     def ties(self, f: RegressionFit, others: Sequence[RegressionFit]) -> tuple[str, ...]:
         """Return the laws by which some sets differ from a fit, and which could as well stand in it."""
         pairs = [(n, g) for g in others for n in g.names - f.names]
-        return tuple(sorted(n for n, g in pairs if self.alike(f, g) and self._significant(g, n)))
+        return tuple(sorted(n for n, g in pairs if self.r.alike(f, g) and self._significant(g, n)))
 
 
 def _put(members: Sequence[Member], j: int, n: str, value: float) -> tuple[Member, ...]:

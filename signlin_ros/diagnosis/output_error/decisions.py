@@ -18,7 +18,7 @@ from signlin_ros.diagnosis.output_error.score import (
     improvement,
 )
 from signlin_ros.diagnosis.wording import phrases
-from signlin_ros.effects import EFFECTS
+from signlin_ros.effects import EFFECTS, kin_of
 from signlin_ros.fitting.problem import Problem
 
 SLOWEST_SHARE = 0.1
@@ -53,10 +53,7 @@ class Decisions:
             or known.base.plant.closed_loop
             or after.log_mse > before.log_mse
             or not after.residual_is_noise
-        ):
-            return blocks
-        if generalizes_badly(
-            after.training_squares, after.validation_squares, known.noise, unseen.noise, c.max_rmse_over_noise
+            or self.generalizes_badly(after)
         ):
             return blocks
         together = np.array([one.correlated_samples for one in after.residual_tests])
@@ -80,7 +77,7 @@ class Decisions:
         freed = 0.0 if further or rises else max(before.prior_distance - after.prior_distance, 0.0)
         if certainty * abs(certainty) + freed < c.min_t**2:
             return phrases.change(certainty, c.min_t)
-        if g.worsens(c.max_rise_t, c.visible_change) and not self.settles(before, after):
+        if g.worsens(c) and not self.settles(before, after):
             return phrases.A_CHANNEL_RISES
         return after.insignificant(c) or self.not_identifiable(after)
 
@@ -89,11 +86,13 @@ class Decisions:
         noise of the training data, where ``before`` leaves structure, errs less in all, and follows validation data as
         well as those. What it errs more by in a channel is then chance, or what its parameters are uncertain by.
         """
-        noise = self.training.noise, self.validation.noise
-        there = generalizes_badly(
-            after.training_squares, after.validation_squares, *noise, self.criteria.max_rmse_over_noise
-        )
-        return after.residual_is_noise and not before.white and not there and after.log_mse < before.log_mse
+        better = after.log_mse < before.log_mse and not self.generalizes_badly(after)
+        return better and after.residual_is_noise and not before.white
+
+    def generalizes_badly(self, f: FittedModel) -> bool:
+        """Tell whether a model follows validation data far worse than those that it was fitted to."""
+        noise, most = (self.training.noise, self.validation.noise), self.criteria.max_rmse_over_noise
+        return generalizes_badly(f.training_squares, f.validation_squares, *noise, most)
 
     def not_identifiable(self, f: FittedModel) -> str:
         """Return which force the records cannot identify, in words; empty where none.
@@ -169,14 +168,7 @@ class Decisions:
             one for one in rest if any(_has_simpler_law(one, other) and self.refusal(one, other) for other in near)
         ]
         near = [one for one in near if not one.far_from_nominal(self.criteria)] or near
-        return sorted(
-            near,
-            key=lambda one: (
-                len(one.effects),
-                one.n_parameters,
-                one.log_mse + one.prior_distance / self.validation.samples,
-            ),
-        )
+        return sorted(near, key=lambda f: (f.size, f.log_mse + f.prior_distance / self.validation.samples))
 
     def as_good(self, best: FittedModel, other: FittedModel) -> bool:
         """Tell whether a model is as good as the best: within a standard error, or what a table shows."""
@@ -189,8 +181,7 @@ def _has_simpler_law(one: FittedModel, other: FittedModel) -> bool:
     mine, its = set(one.effects) - set(other.effects), set(other.effects) - set(one.effects)
     if len(mine) != 1 or len(its) != 1:
         return False
-    family = EFFECTS[mine.pop()].family
-    return bool(family) and family == EFFECTS[its.pop()].family and one.n_parameters < other.n_parameters
+    return mine.pop() in kin_of(its.pop()) and one.n_parameters < other.n_parameters
 
 
 __all__ = ["Decisions"]

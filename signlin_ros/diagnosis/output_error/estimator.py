@@ -337,7 +337,7 @@ class OutputErrorEstimator(Minima):
 
     def _may_be_lower(self, f: FittedModel) -> bool:
         """Tell whether a fit with an effect of many minima errs by more than about the noise: others may be lower."""
-        errors, times = np.sqrt(np.nanmean(f.training_squares, axis=0)), self.criteria.max_rmse_over_noise
+        errors, times = f.training_rmse, self.criteria.max_rmse_over_noise
         near = f.within_noise(times) and bool(np.all(errors < times * self.training.noise))
         return _is_rugged(f) and not near
 
@@ -399,15 +399,18 @@ def estimator_of(
     watched.say(phrases.BASE_MODEL)
     base = found._over_gains(candidate(problem, problem.base, ()), None)
     if base is None:
-        step = problem.scale.step
-        apart = f"the model diverges on these records: the samples are {step:.3g} s apart{unit_asked(step)}"
-        raise SimulationError(f"{problem.base.source}: {apart}")
+        raise _useless(problem, "diverges on")
     found._keep(base)
     if _over_between_samples(problem, found.base):
-        step = problem.scale.step
-        apart = f"the model does not follow these records: the samples are {step:.3g} s apart{unit_asked(step)}"
-        raise SimulationError(f"{problem.base.source}: {apart}")
+        raise _useless(problem, "does not follow")
     return found
+
+
+def _useless(problem: Problem, what: str) -> SimulationError:
+    """Return what is told where the base model says nothing of its records."""
+    step = problem.scale.step
+    apart = f"the model {what} these records: the samples are {step:.3g} s apart{unit_asked(step)}"
+    return SimulationError(f"{problem.base.source}: {apart}")
 
 
 def _over_between_samples(problem: Problem, base: FittedModel) -> bool:
@@ -420,7 +423,7 @@ def _over_between_samples(problem: Problem, base: FittedModel) -> bool:
     if not (unit_asked(step) and decays.size and step * decays.min() >= MAX_STEP_OVER_TIME_CONSTANT):
         return False
     spread = np.nanstd(np.concatenate([s.y for s in problem.segments]), axis=0)
-    return bool(np.all(np.sqrt(np.nanmean(base.training_squares, axis=0)) > MAX_FOLLOWED_SHARE * spread))
+    return bool(np.all(base.training_rmse > MAX_FOLLOWED_SHARE * spread))
 
 
 __all__ = ["OutputErrorEstimator", "estimator_of"]

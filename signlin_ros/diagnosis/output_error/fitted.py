@@ -126,6 +126,26 @@ class FittedModel:
         return np.asarray(np.sqrt(np.nanmean(self.validation_squares, axis=0)))
 
     @property
+    def training_rmse(self) -> Array:
+        """The same of training data."""
+        return np.asarray(np.sqrt(np.nanmean(self.training_squares, axis=0)))
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Number of effects, and of parameters: the smaller is the simpler model."""
+        return len(self.effects), self.n_parameters
+
+    @property
+    def remembers(self) -> tuple[str, ...]:
+        """The effects that have a state of their own."""
+        return tuple(n for n in self.effects if EFFECTS[n].states)
+
+    @property
+    def floats(self) -> bool:
+        """Whether one of the effects has a load that moves freely for a time, where nothing shows its place."""
+        return any(EFFECTS[n].floating for n in self.effects)
+
+    @property
     def kind(self) -> tuple[str, ...]:
         """What tells one set of effects from another: their keys, sensors with their channels."""
         return tuple(sorted(self.fit.candidate.label))

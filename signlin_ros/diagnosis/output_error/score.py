@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.comparison.scores import Score, rated
 from signlin_ros.diagnosis.blocks import MAX_LOG_FALL
+from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.fitting.candidate import Candidate
 from signlin_ros.fitting.following import follow_records
 from signlin_ros.fitting.gains import ObserverGains
@@ -43,11 +44,9 @@ class Improvement:
     t_ratios: Array
     rmse_ratios: Array
 
-    def worsens(self, worse: float, alike: float) -> bool:
-        """Tell whether any channel's error rises by more than ``worse`` standard errors, and by more than a part
-        ``alike`` of its RMS.
-        """
-        return bool(((self.t_ratios < -worse) & (self.rmse_ratios > 1.0 + alike)).any())
+    def worsens(self, c: Criteria) -> bool:
+        """Tell whether any channel's error surely rises, and so that it shows."""
+        return bool(((self.t_ratios < -c.max_rise_t) & (self.rmse_ratios > 1.0 + c.visible_change)).any())
 
     def falls_by_less(self, alike: float) -> bool:
         """Tell whether no channel's RMS falls by a part ``alike``."""

@@ -246,6 +246,12 @@ def input_acts(hold: str | float, figures: str, effects: Sequence[str]) -> str:
     return f"the input acts {HOLDS[str(hold)]} (input_hold: {hold}): {figures} {what}, on the data fitted to"
 
 
+def inputs_as_recorded(inputs: Sequence[str]) -> str:
+    """Return that noise of inputs is taken to act, and why rows differ from those of another verb."""
+    acts = f"the noise of the {joined(list(inputs))} is taken to act on the machine, as that of a controller does"
+    return f"{acts}: `signlin compare`, whose observer allows for it, has other numbers in its first rows"
+
+
 def error_changes(channel: str, horizon: float, before: float, after: float, unit: str) -> str:
     """Return two RMS errors of a channel over the horizon in s."""
     return f"error of {channel} over {horizon:.3g} s {before:.3g} -> {after:.3g} {unit}"

@@ -9,7 +9,7 @@ from signlin_ros.diagnosis.evidence import Evidence
 from signlin_ros.diagnosis.output_error import FittedModel
 from signlin_ros.diagnosis.results import listed
 from signlin_ros.digits import with_error
-from signlin_ros.effects import EFFECTS
+from signlin_ros.effects import EFFECTS, kin_of
 from signlin_ros.errors import joined
 from signlin_ros.model.numbers import declared
 from signlin_ros.recording.trace import resolve_unit
@@ -56,9 +56,9 @@ def _holds(r: RefittedRival, final: FittedModel) -> bool:
     """Tell whether a rival has a size and is richer than what is named: of its family, or a law that contains it."""
     if len(r.effects) != 1 or len(final.effects) != 1 or not r.size:
         return False
-    rival, named = EFFECTS[r.effects[0]], EFFECTS[final.effects[0]]
-    kin = bool(rival.family) and rival.family == named.family
-    return (kin or named.name in rival.contains) and r.best.n_parameters > final.n_parameters
+    (rival,), (named,) = r.effects, final.effects
+    contains = rival in kin_of(named) or named in EFFECTS[rival].contains
+    return contains and r.best.n_parameters > final.n_parameters
 
 
 def _bound(evidence: Evidence, r: RefittedRival, final: FittedModel) -> str:

@@ -16,7 +16,7 @@ from signlin_ros.diagnosis.validation import force_left, force_percent, freed
 from signlin_ros.diagnosis.verdict import Verdict
 from signlin_ros.diagnosis.wording import phrases
 from signlin_ros.diagnosis.wording.reasons import REASONS
-from signlin_ros.effects import EFFECTS, find_effect
+from signlin_ros.effects import EFFECTS, find_effect, kin_of
 from signlin_ros.effects.base import SensorEffect, Shown
 from signlin_ros.errors import joined
 from signlin_ros.fitting.problem import Problem
@@ -71,7 +71,7 @@ def _how_little(evidence: Evidence, verdict: Verdict) -> str:
         return NOTHING_MISSING
     if not final.residual_is_noise:
         return LITTLE_MISSING
-    large = (verdict.percent or 0.0) > 100.0 * evidence.criteria.min_missing_share
+    large = (verdict.percent or 0.0) > evidence.criteria.missing_percent
     return LIKE_NOISE if large else NOTHING_MISSING
 
 
@@ -116,8 +116,8 @@ def _unexplained(evidence: Evidence, verdict: Verdict) -> str:
 
 def family_of(effect: str, changing: str) -> str:
     """Return in words the laws a loop may follow, and whether its force is ``changing`` along the records."""
-    family = find_effect(effect, "effects").family
-    names = [n for n, other in EFFECTS.items() if other.family == family and other.states]
+    kin = kin_of(effect)
+    names = [n for n, other in EFFECTS.items() if (n == effect or n in kin) and other.states]
     laws = f" ({', '.join(listed([n]) for n in names)} are laws of it)"
     if changing.startswith("loop"):
         return f"{laws} whose force changes slowly along the record, as that of what degrades"
@@ -137,7 +137,7 @@ def further(dataset: Dataset) -> str:
     name = max(sorted(found), key=lambda n: found[n], default="")
     if not name or found[name] < HALF:
         return ""
-    unit = dataset.training.shown(dataset.training.units.get(name, ""))
+    unit = dataset.training.unit_of(name)
     (least, most), (low, high) = unseen[name], known[name]
     return f"there {name} goes from {least:.3g} to {most:.3g} {unit}, in those from {low:.3g} to {high:.3g} {unit}."
 
@@ -163,7 +163,7 @@ def _unsure(evidence: Evidence, verdict: Verdict) -> str:
         part = evidence.share_left(evidence.force_mse(f))
         if evidence.force_shows(verdict.base) and (part is None or part > HALF):
             continue
-        if g.mse_reduction > HALF and 0.0 < certainty < c.min_t and not g.worsens(c.max_rise_t, c.visible_change):
+        if g.mse_reduction > HALF and 0.0 < certainty < c.min_t and not g.worsens(c):
             found[f.effects[0]] = certainty
     if not found:
         return ""
@@ -194,7 +194,7 @@ def _errors_fall(evidence: Evidence, before: FittedModel, after: FittedModel, pa
     problem, horizon = evidence.dataset.training, evidence.dataset.horizon
     for name, first, last in zip(problem.channels, before.validation_rmse, after.validation_rmse, strict=True):
         if last < (1 - evidence.criteria.visible_change) * first:
-            verb, unit = "" if parts else "falls ", problem.shown(problem.units.get(name, ""))
+            verb, unit = "" if parts else "falls ", problem.unit_of(name)
             what = f"the error of {name} over {horizon:.3g} s {verb}from {first:.3g} to {last:.3g} {unit}"
             parts = [*parts, what.rstrip()]
     return parts
@@ -248,9 +248,9 @@ def _motion_left(evidence: Evidence, verdict: Verdict) -> str:
 def _of_inputs(evidence: Evidence, verdict: Verdict) -> str:
     """Return that what is left is what noise of the inputs makes of the motion, where that is what lets it pass."""
     problem = evidence.dataset.training
-    if not problem.input_noise.any() or not verdict.final.white or evidence.near_noise(verdict.final):
+    if not problem.allows_for_input_noise or not verdict.final.white or evidence.near_noise(verdict.final):
         return ""
-    units = (problem.shown(problem.units.get(name, "")) for name in problem.base.inputs)
+    units = (problem.unit_of(name) for name in problem.base.inputs)
     sizes = zip(problem.base.inputs, problem.input_noise.tolist(), units, strict=True)
     noisy = [f"the {name} ({size:.2g} {unit})" for name, size, unit in sizes if size]
     return f" The residual is white to an observer that allows for noise of {joined(noisy)}."
@@ -313,7 +313,7 @@ def _risen(evidence: Evidence, verdict: Verdict) -> list[str]:
     channel = evidence.rising_channel(base, final, evidence.criteria.max_rise_t)
     if not channel:
         return []
-    k, unit = problem.channels.index(channel), problem.shown(problem.units.get(channel, ""))
+    k, unit = problem.channels.index(channel), problem.unit_of(channel)
     rise = f"from {base.validation_rmse[k]:.3g} to {final.validation_rmse[k]:.3g} {unit}"
     why = "what is left of the training data is noise, so that is chance, or of parameters that they hardly tell"
     return [f"with {listed(verdict.names)} the error of {channel} on validation data rises {rise}: {why}"]
