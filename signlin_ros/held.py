@@ -160,9 +160,9 @@ def _rhythmic(values: Array) -> Held | None:
 def _rhythm(energy: Array) -> tuple[float, float]:
     """Return the period, in samples, at which squared differences (T,) gather most, and where the first of them is."""
     samples = np.arange(energy.size)
-    size = FINER_STEPS * energy.size
+    size = 2 ** int(np.ceil(np.log2(FINER_STEPS * energy.size)))  # of any other, the transform takes much memory
     spectrum = np.abs(np.fft.rfft(energy, size))
-    lowest, highest = int(np.ceil(FINER_STEPS * MIN_HOLDS)), size // MIN_HOLD_SAMPLES
+    lowest, highest = int(np.ceil(size / energy.size * MIN_HOLDS)), size // MIN_HOLD_SAMPLES
     best = lowest + int(np.argmax(spectrum[lowest : highest + 1]))
     length = size / best
     turn = np.angle(np.sum(energy * np.exp(2j * np.pi * samples / length)))

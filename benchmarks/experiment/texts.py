@@ -15,7 +15,7 @@ import numpy as np
 from benchmarks.experiment.machines import each_machine
 from benchmarks.experiment.run import read
 from benchmarks.experiment.ties import Tie
-from signlin_ros.experiment.families import COMMAND_FAMILIES, LADDER, asked_by
+from signlin_ros.experiment.families import COMMAND_FAMILIES, LADDER
 from signlin_ros.experiment.limits import limits_of
 from signlin_ros.experiment.naming import with_named
 from signlin_ros.experiment.remedies import least
@@ -39,7 +39,7 @@ def case(tie: Tie, which: int, seed: int, folder: Path) -> dict[str, Any]:
     plan = designed(model, first, rivals, wishes)
     t, peak, bench = plan.t, float(np.abs(plan.u - plan.u[0]).max()), bench_of(model, first, rivals)
     search = CommandSearch(bench, limits_of(bench.problem, tie.limits), t, SPARE, lambda what, share: None)
-    asked = [f for f in COMMAND_FAMILIES if f.name in asked_by(names)]
+    asked = [f for f in COMMAND_FAMILIES if set(f.texts) & set(names)]
     for part in LADDER:
         for family in asked:
             search.screened(family, family.at(part * search.most))

@@ -168,7 +168,7 @@ def _confirmed(choice: FamilyChoice, proposal: FittedModel) -> FittedModel | Non
     proposal = other if stated else proposal
     g = motion.improvement(evidence.base, proposal)
     least = 0.0 if evidence.explains_force(proposal) else c.min_validation_t
-    if g.t_ratio < least or g.worsens(c):
+    if g.t_ratio < least or g.worsens(c) or motion.unresolved(proposal):
         return None
     if not stated and proposal.insignificant(c):
         options = motion.simplified(proposal)

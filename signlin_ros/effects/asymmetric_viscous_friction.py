@@ -19,6 +19,7 @@ class AsymmetricViscousFriction(Effect):
     equation = "-b_p v for v > 0, -b_n v for v < 0"
     finding = "the residual {F} grows with the {V}, by {b_p:.3g} {b_p.unit} forward and {b_n:.3g} backward"
     experiment = "move both ways at several speeds"
+    command = "staircase"
     family = "viscous friction"
     dissipative = True
 

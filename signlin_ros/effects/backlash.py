@@ -30,6 +30,7 @@ class Backlash(CompliantLoad):
     equation = "-T, T = k dz(q - q2) + c (v - v2) in contact only, J v2' = T"
     finding = "an inertia of {J:.3g} {J.unit} is driven only after a play of {gap:.3g} {gap.unit} either way is crossed"
     experiment = "reverse the drive slowly while the load lags"
+    command = "slow triangles"
 
     resonant = False
     rugged = True

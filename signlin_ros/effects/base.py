@@ -65,6 +65,8 @@ class Effect(HasPars):
     """
     experiment: ClassVar[str] = ""
     """What to record so that it shows, as an imperative clause."""
+    command: ClassVar[str] = ""
+    """The family of planned commands that does so, by its name in `signlin_ros.experiment.families`."""
     only_beyond: ClassVar[bool] = False
     """Whether it acts only beyond a limit, so that no record excludes it outside of what it visits."""
     states: ClassVar[dict[str, str]] = {}

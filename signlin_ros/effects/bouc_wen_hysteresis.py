@@ -34,6 +34,7 @@ class BoucWenHysteresis(Effect):
     equation = "k q -> alpha k q + (1 - alpha) D k h, h' = [lambda v - beta |v| |h|^(n-1) h - gamma v |h|^n] / D"
     finding = "the residual {F} against the {Q} is a loop: {alpha:.2f} of the stiffness stays elastic, the rest yields"
     experiment = "cycle slowly between two positions, with several amplitudes"
+    command = "sines that grow"
     states = {"h": "-"}
     family = "dry friction"
     contains = ("linear_stiffness",)

@@ -21,6 +21,7 @@ class CoggingTorque(Effect):
     angular = True
     family = "waves"
     experiment = "move slowly over a full turn at constant input"
+    command = "creep to and fro"
 
     turning = ("A", "phi")
 

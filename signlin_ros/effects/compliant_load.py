@@ -29,6 +29,7 @@ class CompliantLoad(Effect):
     equation = "-T, T = k (q - q2) + c (v - v2), J v2' = T"
     finding = "an inertia of {J:.3g} {J.unit} swings on a coupling of {k:.3g} {k.unit}"
     experiment = "excite with a sweep up to the resonance"
+    command = "chirps"
     telling = ("J",)
     load_inertia = "J"
     resonant = True

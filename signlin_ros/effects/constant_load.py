@@ -18,6 +18,7 @@ class ConstantLoad(Effect):
     equation = "F0"
     finding = "the residual {F} is the same everywhere: {F0:.3g} {F0.unit}"
     experiment = "move both ways at the same speed"
+    command = "steps with rests"
     external = True
 
     F0 = Par("F", nominal=0.01, low=-1e9, doc="constant force, positive accelerates")

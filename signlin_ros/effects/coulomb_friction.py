@@ -18,6 +18,7 @@ class CoulombFriction(Effect):
     equation = "-mu sign(v)"
     finding = "the residual {F} is {mu:.3g} {mu.unit} against the motion, the same at any {V}"
     experiment = "reverse the motion slowly, many times"
+    command = "slow triangles"
     family = "dry friction"
     dissipative = True
 

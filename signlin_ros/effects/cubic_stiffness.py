@@ -18,6 +18,7 @@ class CubicStiffness(Effect):
     equation = "-k3 q^3"
     finding = "the residual {F} grows with the cube of the {Q}: {k3:.3g} {k3.unit}"
     experiment = "move further out to both sides"
+    command = "staircase"
     external = True
 
     k3 = Par("F/Q³", nominal=0.1, low=-1e24, high=1e24, doc="cubic stiffness; positive hardens")

@@ -20,6 +20,7 @@ class CubicViscousFriction(Effect):
     equation = "-b v - b3 v^3"
     finding = "the residual {F} grows with the {V}, but not in proportion: {b:.3g} {b.unit}, and {b3:.3g} {b3.unit}"
     experiment = "move at several constant speeds, up to the highest"
+    command = "staircase"
     family = "viscous friction"
     telling = ("b3",)
     essential = ("b3",)

@@ -24,6 +24,7 @@ class DahlPresliding(Effect):
         " with a slope of {sigma:.3g} {sigma.unit} after each"
     )
     experiment = "ramp the force slowly up and down without breaking away"
+    command = "slow ramps through standstill"
     family = "dry friction"
     contains = ("coulomb_friction",)
     states = {"z": "Q"}

@@ -20,6 +20,7 @@ class GravityLoad(Effect):
     finding = "the residual {F} is one sine of the {Q}, {A:.3g} {A.unit} high, zero at {q0:.3g} {q0.unit}"
     angular = True
     experiment = "rest at several positions over a full turn"
+    command = "staircase"
     external = True
 
     turning = ("A", "q0")

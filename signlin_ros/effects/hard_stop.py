@@ -20,6 +20,7 @@ class HardStop(Effect):
     finding = "the residual {F} is zero up to {gap:.3g} {gap.unit} of travel and rises by {k_s:.3g} {k_s.unit} beyond"
     only_beyond = True
     experiment = "move to both ends of the travel"
+    command = "staircase"
     telling = ("gap", "k_s")
     contains = ("linear_stiffness",)
 

@@ -19,6 +19,7 @@ class InputDeadzone(Effect):
     equation = "u -> max(u - d, 0) - max(-u - d, 0)"
     finding = "inputs below {d:.3g} {d.unit} have no effect, and larger ones lack as much"
     experiment = "ramp the input slowly through zero"
+    command = "slow triangles"
 
     d = Par("U", nominal=0.5, doc="threshold")
     start = ({"d": 0.05}, {"d": 0.2})

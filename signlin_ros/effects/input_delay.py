@@ -25,6 +25,7 @@ class InputDelay(Effect):
     equation = "u(t) -> u(t - T)"
     finding = "the response comes {T:.3g} s after the input"
     experiment = "apply steps of the input and sample faster"
+    command = "steps with rests"
 
     T = Par("s", nominal=0.005, high=10.0, doc="delay")
 

@@ -19,6 +19,7 @@ class InputSaturation(Effect):
     finding = "inputs above {u_max:.3g} {u_max.unit} have no more effect than this"
     only_beyond = True
     experiment = "apply larger inputs"
+    command = "steps with rests"
 
     u_max = Par("U", nominal=10.0, positive=True, doc="largest input")
     start = ({"u_max": 0.5}, {"u_max": 0.75}, {"u_max": 0.9})

@@ -18,6 +18,7 @@ class LinearStiffness(Effect):
     equation = "-k q"
     finding = "the residual {F} grows in proportion to the {Q}: {k:.3g} {k.unit}"
     experiment = "rest at several positions"
+    command = "staircase"
     external = True
 
     k = Par("F/Q", nominal=0.1, doc="stiffness")

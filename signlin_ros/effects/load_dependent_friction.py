@@ -25,6 +25,7 @@ class LoadDependentFriction(Effect):
         " {kappa_d:.3g} of the driving {F}, {kappa_e:.3g} of the external one"
     )
     experiment = "move at the same speed under different loads"
+    command = "staircase"
     family = "dry friction"
     dissipative = True
 

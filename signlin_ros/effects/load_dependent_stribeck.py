@@ -29,6 +29,7 @@ class LoadDependentStribeck(Effect):
         " {kappa_e:.3g} of the external one, by {excess:.3g} times more beneath {v_s:.3g} {v_s.unit}"
     )
     experiment = "move under different loads, and let it creep through standstill under each"
+    command = "slow ramps through standstill"
     family = "dry friction"
     contains = ("stribeck_friction",)
     dissipative = True

@@ -28,6 +28,7 @@ class LuGreFriction(Effect):
         " breaks away at {F_s:.3g} {F_s.unit} and slides at {F_c:.3g}"
     )
     experiment = "ramp the force slowly up to breakaway and back"
+    command = "slow ramps through standstill"
     family = "dry friction"
     contains = ("coulomb_friction", "stribeck_friction", "dahl_presliding")
     states = {"z": "Q"}

@@ -27,6 +27,7 @@ class MaxwellElement(Effect):
         " in series with a damper"
     )
     experiment = "move by steps, and hold for some relaxation times after each"
+    command = "steps with rests"
     contains = ("viscous_friction", "linear_stiffness")
     plants = ("mass_spring_damper", "force_element")
     states = {"z": "Q"}

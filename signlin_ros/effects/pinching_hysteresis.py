@@ -31,6 +31,7 @@ class PinchingHysteresis(Effect):
         " stiffness where the {F} is small"
     )
     experiment = "cycle slowly between two positions, with several amplitudes"
+    command = "sines that grow"
     states = {"z": "Q"}
     family = "dry friction"
     telling = ("F_c", "zeta", "z_p")

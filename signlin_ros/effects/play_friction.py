@@ -30,6 +30,7 @@ class PlayFriction(Effect):
         " {sigma:.3g} {sigma.unit} and settles at {F_c:.3g} {F_c.unit}"
     )
     experiment = "move slowly to and fro, over ways that are longer and shorter than the play"
+    command = "slow ramps through standstill"
     family = "dry friction"
     states = {"z": "Q"}
     telling = ("F_c", "gap")

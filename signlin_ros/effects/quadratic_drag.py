@@ -18,6 +18,7 @@ class QuadraticDrag(Effect):
     equation = "-c2 |v| v"
     finding = "the residual {F} grows with the square of the {V}, against it: {c2:.3g} {c2.unit}"
     experiment = "move at several constant speeds, up to the highest"
+    command = "staircase"
     dissipative = True
 
     c2 = Par("F·s²/Q²", nominal=1e-5, doc="drag per squared velocity")

@@ -19,6 +19,7 @@ class SensorDelay(SensorEffect):
     equation = "y(t) = x(t - T)"
     finding = "the {channel} is seen {value:.3g} s late"
     experiment = "apply steps of the input and sample faster"
+    command = "steps with rests"
 
     T = Par("s", nominal=0.005, high=1.0, default=0.0, doc="delay")
 

@@ -19,6 +19,7 @@ class SensorGain(SensorEffect):
     equation = "y = gain x"
     finding = "the {channel} reads {value:.4g} times what the other channels say"
     experiment = "record motion between two known values"
+    command = "creep to and fro"
 
     gain = Par("-", nominal=1.0, high=10.0, default=1.0, positive=True, doc="what the sensor shows for each unit")
 

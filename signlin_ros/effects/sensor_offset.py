@@ -19,6 +19,7 @@ class SensorOffset(SensorEffect):
     equation = "y = x + offset"
     finding = "the {channel} reads {value:.3g} {unit} too much everywhere"
     experiment = "record a stretch at rest whose true value is known"
+    command = "long holds"
 
     offset = Par(CHANNEL_UNIT, nominal=0.0, low=-1e9, default=0.0, doc="what the sensor shows at 0")
 

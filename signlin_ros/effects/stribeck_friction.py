@@ -26,6 +26,7 @@ class StribeckFriction(Effect):
         " plus {excess:.3g} that fades within {v_s:.3g} {v_s.unit}"
     )
     experiment = "let it creep through standstill, slower than the speed at which friction settles"
+    command = "slow ramps through standstill"
     family = "dry friction"
     contains = ("coulomb_friction",)
     dissipative = True

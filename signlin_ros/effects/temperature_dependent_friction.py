@@ -22,6 +22,7 @@ class TemperatureDependentFriction(Effect):
         " {a_c:.2g} and {a_v:.2g} of itself for each K"
     )
     experiment = "record the temperature from a cold start on, moving to and fro at several speeds"
+    command = "long holds"
     dissipative = True
     start = ({"mu": 0.1, "b": 0.05, "a_c": 0.01, "a_v": 0.01, "T_0": 293.15},)
 

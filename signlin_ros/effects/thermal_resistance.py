@@ -24,6 +24,7 @@ class ThermalResistance(Effect):
     equation = "R_a -> R = R_a (1 + a Theta), C Theta' = R i^2 - Theta / R_th"
     finding = "the resistance drifts with the losses, as a winding that warms up by {R_th:.3g} K for each watt"
     experiment = "run for long at high current, then cool down"
+    command = "long holds"
     states = {"temperature_rise": "K"}
     plants = ("dc_motor",)
 

@@ -19,6 +19,7 @@ class TorqueConstantSaturation(Effect):
     equation = "K_t -> K_t / (1 + kappa i^2)"
     finding = "the torque per ampere falls as the current grows: kappa is {kappa:.3g} {kappa.unit}"
     experiment = "load the motor up to its highest current"
+    command = "steps with rests"
     plants = ("dc_motor",)
 
     kappa = Par("1/A²", nominal=0.01, doc="loss of torque per squared current")

@@ -19,6 +19,7 @@ class TorqueRipple(Effect):
     equation = "-sum_i A_i sin(N_i q + phi_i), N = orders"
     finding = "the residual {F} repeats with the {Q}: {A[0]:.3g} {A[0].unit} high at order {orders[0]:.4g}, and others"
     experiment = "move slowly over a full turn at constant input"
+    command = "creep to and fro"
     angular = True
     family = "waves"
     proposed = False  # it is found wave by wave, from a single one on

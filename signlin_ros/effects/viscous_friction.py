@@ -18,6 +18,7 @@ class ViscousFriction(Effect):
     equation = "-b v"
     finding = "the residual {F} grows in proportion to the {V}: {b:.3g} {b.unit}"
     experiment = "move at several constant speeds"
+    command = "staircase"
     family = "viscous friction"
     dissipative = True
 

@@ -166,8 +166,8 @@ def _one_after_the_other(
     for one in commands:
         parts += [*([rest] if parts else []), *_of_length(one.parts, 1.0)]
     names = dict.fromkeys(one.family.name.removesuffix(", refined") for one in commands)
-    texts = dict.fromkeys(text for one in commands for text in one.family.texts)
-    trial = search.screened(Family(", then ".join(names), tuple(parts), tuple(texts)), tuple(parts))
+    family = Family(", then ".join(names), tuple(parts), tuple(one.family for one in commands))
+    trial = search.screened(family, tuple(parts))
     done = within_limits(search, trial) if trial else None
     sound = done is not None and done.back <= max(RECOVERS * done.least, NEEDED_EVIDENCE / 2)
     return (search, done) if done is not None and sound else None

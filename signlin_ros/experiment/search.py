@@ -294,7 +294,7 @@ class CommandSearch:
             if self.spent:
                 break
             parts = changed(g, best.parts)
-            family = Family(f"{one.family.name}, refined", parts, one.family.texts)
+            family = Family(f"{one.family.name}, refined", parts, (one.family,))
             trial = self.screened(family, parts, floor=best.least)
             if trial is not None and trial.peak <= one.peak * 1.001 and float(trial.linear.min()) > best.least:
                 trial = self.refitted(trial, best.least)

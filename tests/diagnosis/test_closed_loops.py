@@ -64,7 +64,7 @@ def diagnosed(seed: int, friction: Callable[[float], float], load: Callable[[flo
     return diagnose(model, *(arm(seed, wanted, friction, load) for wanted in (steps, sines)))
 
 
-@pytest.mark.limit(UNSURE)
+@pytest.mark.long
 def test_one_rich_law_is_not_named_for_two_simple_ones():
     found = diagnosed(1, lambda v: 0.06, lambda q: -0.16 * np.sin(q))
     assert found.verdict == "missing"

@@ -75,10 +75,7 @@ def test_a_force_that_relaxes_is_a_spring_in_series_with_a_damper():
     assert found.ladder[-1].validation.over_noise < 1.1
 
 
-LATE = "a late force of an imposed motion is not named: unexplained; 20 s"
-
-
-@pytest.mark.limit(LATE)
+@pytest.mark.limit("a late force of a damper is not named: unexplained")
 @pytest.mark.parametrize("late", [4])
 def test_a_force_that_is_measured_late_is_told_to_the_sample(late):
     records = []
@@ -95,7 +92,7 @@ def test_a_force_that_is_measured_late_is_told_to_the_sample(late):
     assert delay.note
 
 
-@pytest.mark.limit(LATE)
+@pytest.mark.long
 def test_a_force_of_a_spring_that_is_measured_late():
     model = Model.from_dict({"plant": "force_element", "parameters": {"c": 880.0, "k": 15400.0}, "update_period": 0.02})
     t, records = np.arange(5000) * 0.002, []
@@ -239,7 +236,6 @@ def test_coulomb_friction_is_among_the_ties_where_the_motion_is_known_no_better(
     assert "coulomb_friction" in (proposed, *entry.indistinguishable_from)
 
 
-@pytest.mark.limit("unexplained: samples of unknown direction are taken for structure; 10 s")
 def test_a_direction_that_is_lost_in_noise_is_no_structure():
     known = Model.from_dict(MOUNT).with_effect("coulomb_friction", mu=30.0)
     found = diagnose(known, sheared(1), sheared(2))

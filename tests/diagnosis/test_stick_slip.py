@@ -28,7 +28,7 @@ def stroked(seed: int) -> ModelData:
     return ModelData(t, u[:, None], {"displacement": q}, None, model.inputs, model.states, units)
 
 
-@pytest.mark.limit("presliding is named, with a mass half too large; 17 s")
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [1])
 def test_friction_that_falls_from_breakaway_is_named(seed):
     nominal = VALVE.with_parameters({"m": 1.4, "c": 78.0, "k": 3450.0}).with_options(tolerance=0.1)

@@ -240,6 +240,7 @@ class SubsetSearch:
         law = self.r.laws[name]
         values = law.parameters(dict(f.members)[name], f.theta[f.spans[name]])
         possible = law.effect.plausible(values) and law.effect.is_met(values, *self._stretch)
+        possible = possible and law.effect.is_resolved(values, self.r.training.pieces[0].step)
         return possible and self.t_ratio(f, name) >= self.r.criteria.min_coefficient_t
 
     def improves(self, f: RegressionFit, reference: RegressionFit, free: int, whole: bool = False) -> bool:

@@ -105,8 +105,8 @@ class Decisions:
         for key, use in f.added.items():
             if not EFFECTS[use.type].is_met(use.parameters, *self.training.position_range):
                 return phrases.beyond_limit(key)
-            if not EFFECTS[use.type].is_resolved(use.parameters, self.training.scale.step):
-                return phrases.unresolved(key)
+        if late := self.unresolved(f):
+            return late
         if quick := self._undersampled_wave(f):
             return quick
         few = self.few_waves(f)
@@ -114,6 +114,12 @@ class Decisions:
         if f.residual_is_noise and f.within_noise(self.criteria.max_rmse_over_noise) and not any_curve:
             return ""
         return self._beyond_travel(f) or next((phrases.few_waves(key, n) for key, n in few.items()), "")
+
+    def unresolved(self, f: FittedModel) -> str:
+        """Return which effect is quicker than the samples can show, in words; empty where none is."""
+        step = self.training.scale.step
+        keys = (k for k, use in f.added.items() if not EFFECTS[use.type].is_resolved(use.parameters, step))
+        return next((phrases.unresolved(key) for key in keys), "")
 
     def _beyond_travel(self, f: FittedModel) -> str:
         """Return where the zero of a force over an unmeasured position would be, in words, if no record goes there:

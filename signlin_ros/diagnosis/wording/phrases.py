@@ -126,8 +126,8 @@ def beyond_limit(key: str) -> str:
 
 
 def unresolved(key: str) -> str:
-    """Return that an effect acts for less of a sample than its instant is known to."""
-    return f"{key} is smaller than the instant of a sample is known"
+    """Return that an effect acts within less time than samples show: a delay far below one, a force that relaxes."""
+    return f"{key} acts within less time than the samples can show"
 
 
 def rounded(channel: str, offset: float, step: float, unit: str) -> str:
