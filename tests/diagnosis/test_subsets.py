@@ -69,8 +69,8 @@ def test_laws_that_all_but_cancel_are_no_set(weight, cancel):
 
 
 def answer() -> str:
-    s = search()
-    return f"{[sorted(m) for m in s.models]} {s.chosen().members} {s.chosen().validation_mse!r}"
+    s, chosen = search(), search().chosen()  # which fits smaller sets, too
+    return f"{[sorted(m) for m in s.models]} {chosen.members} {chosen.validation_mse!r}"
 
 
 def test_the_answer_is_the_same_in_every_process():
