@@ -69,16 +69,14 @@ def _first_rows(content: dict[str, Any]) -> str:
     return _errors(rows, content["first_rows"]["horizon"]) if rows else ""
 
 
-AT_BEST = (
-    "of validation data; refitted: with base parameters fitted to training data; what is proposed: with the values told"
-)
-"""Which values the force is told for, and of which data: what is fitted to training data may leave more of validation
+AT_BEST = f"{MISSING_FORCE_ROW}: of validation data; {REFITTED_ROW}: base parameters fitted to training data"
+"""Of which data the force is told, and for which values: what is fitted to training data may leave more of validation
 data."""
 
 
 def _errors(rows: list[list[str]], horizon: float) -> str:
-    shown = f"Error over the next {horizon:g} s (RMS)\n" + table([ERRORS, *rows], right=range(2, 7))
-    return f"{shown}\n({MISSING_FORCE_ROW}, {AT_BEST})" if any(row[1] == MISSING_FORCE_ROW for row in rows) else shown
+    shown = f"Error over the next {horizon:.3g} s (RMS)\n" + table([ERRORS, *rows], right=range(2, 7))
+    return f"{shown}\n({AT_BEST})" if any(row[1] == MISSING_FORCE_ROW for row in rows) else shown
 
 
 def first_rows(content: dict[str, Any]) -> list[list[str]]:
@@ -145,7 +143,7 @@ def _named(content: dict[str, Any]) -> str:
 def _in_place(entry: dict[str, Any]) -> str:
     """Return a line on the effects that are as good in the place of one; empty where none is."""
     names = ", ".join(t.replace("_", " ") for t in entry["indistinguishable_from"])
-    told = "as good in its place" if entry["status"] == "ambiguous" else "no better, for being richer laws"
+    told = "as good in its place" if entry["status"] == "ambiguous" else "richer laws that do no better"
     return f"\n    {told}: {names}" if names else ""
 
 
@@ -162,7 +160,7 @@ def _fitted(parameters: dict[str, Any], base: dict[str, Any]) -> str:
 def _scores(content: dict[str, Any]) -> str:
     """Return scores of all records together; over windows only where the first rows do not show that."""
     first = content.get("first_rows")
-    ahead = "" if first and first["horizon"] == content["horizon"] else f"next {content['horizon']:g} s"
+    ahead = "" if first and first["horizon"] == content["horizon"] else f"next {content['horizon']:.3g} s"
     rows = [["", "unit", "noise", "free run", "fit", "/ noise", *([ahead, "fit", "/ noise"] if ahead else [])]]
     for name, c in content["channels"].items():
         windowed = _score(c["windowed"]) if ahead else []

@@ -181,7 +181,7 @@ class Diagnosis:
 
         shown = [e for e in self.ranking if e.status in ("confirmed", "ambiguous", "not_excited")]
         table = html_table(["effect", "status", "why"], [[e.effect, e.status, e.why] for e in shown]) if shown else ""
-        errors = html_table(ERRORS, ladder_rows(self.to_json()), f"Error over the next {self.horizon:g} s (RMS)")
+        errors = html_table(ERRORS, ladder_rows(self.to_json()), f"Error over the next {self.horizon:.3g} s (RMS)")
         return f"<p><b>{html.escape(self.verdict)}</b>: {html.escape(self.sentence)}</p>{errors}{table}"
 
 

@@ -28,7 +28,7 @@ class LoadDependentStribeck(Effect):
         "the residual {F} changes sign with the {V} and its size follows the load, {kappa_d:.3g} of the driving {F} and"
         " {kappa_e:.3g} of the external one, by {excess:.3g} times more beneath {v_s:.3g} {v_s.unit}"
     )
-    experiment = "move under different loads, and let it creep through standstill under each"
+    experiment = "move under different loads, and creep through standstill under each"
     command = "slow ramps through standstill"
     family = "dry friction"
     contains = ("stribeck_friction",)

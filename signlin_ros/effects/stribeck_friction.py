@@ -25,7 +25,7 @@ class StribeckFriction(Effect):
         "the residual {F} jumps where the {V} changes sign, by {mu:.3g} {mu.unit} either way"
         " plus {excess:.3g} that fades within {v_s:.3g} {v_s.unit}"
     )
-    experiment = "let it creep through standstill, slower than the speed at which friction settles"
+    experiment = "creep through standstill, slower than the speed at which friction settles"
     command = "slow ramps through standstill"
     family = "dry friction"
     contains = ("coulomb_friction",)

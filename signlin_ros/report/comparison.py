@@ -87,7 +87,7 @@ def _lead(c: Comparison) -> str:
     )
     which = "Every prediction" if score.rmse_over_noise < 1.1 else f"The prediction of the {worst}"
     where = f"; most of the error: {c.where[0].name}" if c.where else ""
-    unseen = f"over the next {rows.horizon:g} s, on validation data," if rows else f"over the next {c.horizon:g} s"
+    unseen = f"over the next {rows.horizon:.3g} s, on validation data," if rows else f"over the next {c.horizon:.3g} s"
     return f"{which} {unseen} is {noise}{where}."
 
 
@@ -102,7 +102,7 @@ def _first_rows(c: Comparison) -> list[Block]:
         return []
     units = {name: channel.unit for name, channel in c.channels.items()}
     table = rows_table([(AS_GIVEN, rows.given), (REFITTED_ROW, rows.refitted)], lambda name: units.get(name, ""))
-    return [table, Text(_AHEAD.format(f"{rows.horizon:g}"), "note")]
+    return [table, Text(_AHEAD.format(f"{rows.horizon:.3g}"), "note")]
 
 
 def rows_table(named: Sequence[tuple[str, LadderRow]], unit: Callable[[str], str]) -> ReportTable:
@@ -124,7 +124,7 @@ _AHEAD = (
 
 def scores_table(c: Comparison) -> ReportTable:
     """Return the scores of every channel; over windows only where the first rows do not show that."""
-    ahead = [] if c.first_rows and c.first_rows.horizon == c.horizon else [f"next {c.horizon:g} s", "fit", "over noise"]
+    ahead = [] if c.first_rows and c.first_rows.horizon == c.horizon else [f"next {c.horizon:.3g} s", "fit", "over noise"]
     head = ["", "unit", "noise", "free run", "fit", "over noise", *ahead]
     rows = [
         [name, one.unit, number(one.sigma), *_score(one.free_run), *(_score(one.windowed) if ahead else [])]

@@ -195,7 +195,7 @@ def _ladder(d: Diagnosis) -> list[Block]:
 def _before_and_after(d: Diagnosis, comparisons: tuple[Comparison, Comparison] | None) -> list[Block]:
     if comparisons is None:
         return []
-    how = f"predicted over windows of {comparisons[0].horizon:g} s"
+    how = f"predicted over windows of {comparisons[0].horizon:.3g} s"
     caption = (
         f"Every channel as measured, and as {how} by the model as given and by the proposal;"
         " the middle column is enlarged where the former is worst."

@@ -100,7 +100,7 @@ def _compared(content: dict[str, Any]) -> str:
         return f"On {names} nothing can be scored: see the notes."
     worst = max(scored, key=lambda n: scored[n]["rmse_over_noise"])
     ratio = scored[worst]["rmse_over_noise"]
-    ahead = f"over the next {(first or content)['horizon']:g} s (the model's update_period)"
+    ahead = f"over the next {(first or content)['horizon']:.3g} s (the model's update_period)"
     ahead += ", on the last third, held out," if first else ""
     if ratio < 1.1:
         return f"On {names} every prediction {ahead} is no further off than the noise."

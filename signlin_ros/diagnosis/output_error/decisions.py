@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
+from itertools import compress
 from operator import attrgetter
 
 import numpy as np
@@ -77,8 +78,9 @@ class Decisions:
         freed = 0.0 if further or rises else max(before.prior_distance - after.prior_distance, 0.0)
         if certainty * abs(certainty) + freed < c.min_t**2:
             return phrases.change(certainty, c.min_t)
-        if g.worsens(c) and not self.settles(before, after):
-            return phrases.A_CHANNEL_RISES
+        risen = list(compress(self.validation.channels, g.worsened(c)))
+        if risen and not self.settles(before, after):
+            return phrases.channel_rises(risen[0])
         return after.insignificant(c) or self.not_identifiable(after)
 
     def settles(self, before: FittedModel, after: FittedModel) -> bool:

@@ -44,9 +44,13 @@ class Improvement:
     t_ratios: Array
     rmse_ratios: Array
 
+    def worsened(self, c: Criteria) -> NDArray[np.bool_]:
+        """Return which channels' errors (channels,) surely rise, and so that it shows."""
+        return np.asarray((self.t_ratios < -c.max_rise_t) & (self.rmse_ratios > 1.0 + c.visible_change))
+
     def worsens(self, c: Criteria) -> bool:
         """Tell whether any channel's error surely rises, and so that it shows."""
-        return bool(((self.t_ratios < -c.max_rise_t) & (self.rmse_ratios > 1.0 + c.visible_change)).any())
+        return bool(self.worsened(c).any())
 
     def falls_by_less(self, alike: float) -> bool:
         """Tell whether no channel's RMS falls by a part ``alike``."""

@@ -59,9 +59,9 @@ def absolute(before: float, after: float, unit: str, written: Sequence[str]) -> 
     """Return what is said where the values in the file are those of least absolute errors: mean ones of both fits, and
     what of the laws is written.
     """
-    why = "free runs err rarely, and by much then, as where a servo sticks elsewhere than its model"
+    why = "free runs err rarely and then by much, as where a servo sticks elsewhere than its model does"
     values = f"the file has the values of the least absolute error, {joined(list(written))}"
-    errs = f"it errs by {after:.3g} {unit} on average, with those of least squares in the tables by {before:.3g}"
+    errs = f"with them the model errs by {after:.3g} {unit} on average, with those of the tables by {before:.3g}"
     return f"{why}: {values}; {errs}"
 
 

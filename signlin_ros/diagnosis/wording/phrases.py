@@ -32,14 +32,17 @@ def finishing(count: int) -> str:
 
 # -------------------------------------------------------------------- a change of the validation error
 
-A_CHANNEL_RISES = "the error of a channel rises"
+
+def channel_rises(name: str) -> str:
+    """Return that the error of a channel rises."""
+    return f"the error of {name} rises"
 
 
 def change(t: float, asked: float, most: str = "") -> str:
     """Return by how many standard errors the validation error changes, and by how many it must fall."""
     if round(t, 1) < 0:
         return f"the error on validation data rises by {-t:.1f} standard errors"
-    size = f"{most}{np.floor(10 * t) / 10:.1f} standard errors"  # 3.48 are not the 3.5 that are asked
+    size = f"{most}{max(np.floor(10 * t), 0.0) / 10:.1f} standard errors"  # 3.48 are not the 3.5 that are asked
     return f"the error on validation data falls by {size}, {asked:g} are asked"
 
 
@@ -159,7 +162,7 @@ def diverges(source: str, effect: str) -> str:
 # -------------------------------------------------------------------- rows of the ranking
 
 LED_NOWHERE = "not fitted: no step of the search led to it"
-TOO_LITTLE_AT_FIRST = "after the first steps of a fit it takes away too little of the error to go on with"
+TOO_LITTLE_AT_FIRST = "not fitted to the end: after the first steps it takes too little of the error away"
 
 
 def not_fitted(effects: Sequence[str]) -> str:
@@ -176,7 +179,8 @@ def not_applicable(plant: str) -> str:
 def by_force(left: float, before: float, of_effort: str, whole: float) -> str:
     """Return the force residual with a law and without it, in per cent of the effort, as a phrase."""
     told = f"{left:.3g} %" if left <= whole else "more than all"
-    return f"by the force it would leave {told} {of_effort} on validation data, the model without it {before:.3g} %"
+    beside = f"the model without it leaves {before:.3g} %"
+    return f"judged by the missing force alone it would leave {told} {of_effort} on validation data, {beside}"
 
 
 def may_act_beyond(low: float, high: float, unit: str) -> str:

@@ -47,7 +47,8 @@ def sentence(evidence: Evidence, verdict: Verdict) -> str:
         return f"The record does not ask for {listed([verdict.selection.asked])}: {verdict.refused}."
     if verdict.selection.asked:
         what = falls(evidence, verdict, verdict.base, verdict.final)
-        return f"With {listed([verdict.selection.asked])}, {what}.{remainder(evidence, verdict)}"
+        left = remainder(evidence, verdict) or (_structure(evidence, verdict) if verdict.reason else "")
+        return f"With {listed([verdict.selection.asked])}, {what}.{left}"
     if verdict.reversed:
         return (
             f"With the sign of {verdict.reversed} reversed the model as it is follows this record much better: "
@@ -253,7 +254,7 @@ def _of_inputs(evidence: Evidence, verdict: Verdict) -> str:
     units = (problem.unit_of(name) for name in problem.base.inputs)
     sizes = zip(problem.base.inputs, problem.input_noise.tolist(), units, strict=True)
     noisy = [f"the {name} ({size:.2g} {unit})" for name, size, unit in sizes if size]
-    return f" The residual is white to an observer that allows for noise of {joined(noisy)}."
+    return f" The residual is white once noise of {joined(noisy)} is allowed for."
 
 
 def _left_over(evidence: Evidence, verdict: Verdict) -> str:
