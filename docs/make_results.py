@@ -77,16 +77,14 @@ def measured() -> str:
     ]
     pieces = rows_of("published_machines")
     rounds = max(int(r["round"]) for r in pieces)
-    last = [r for r in pieces if int(r["round"]) == rounds]
     text = (
         f"{len(pieces)} pieces of logs that others have published, in {rounds} rounds, each described (what may be "
-        "expected) before it was asked: all answers are in `docs/results/published_machines.csv`. "
-        "The last round, nothing mended after it:"
+        "expected) before it was asked: expectation and first answer of each are in "
+        "`docs/results/published_machines.csv`."
     )
-    body = [[r["machine"], r["expected"], r["first_answer"]] for r in last]
     return (
         f"\n## Measured machines\n\nForce residual or error on validation data, before and after.\n\n"
-        f"{table(['record', 'answer', 'residual'], rows)}\n{text}\n\n{table(['machine', 'expected', 'answer'], body)}"
+        f"{table(['record', 'answer', 'residual'], rows)}\n{text}\n"
     )
 
 
