@@ -124,7 +124,8 @@ _AHEAD = (
 
 def scores_table(c: Comparison) -> ReportTable:
     """Return the scores of every channel; over windows only where the first rows do not show that."""
-    ahead = [] if c.first_rows and c.first_rows.horizon == c.horizon else [f"next {c.horizon:.3g} s", "fit", "over noise"]
+    shown = c.first_rows is not None and c.first_rows.horizon == c.horizon
+    ahead = [] if shown else [f"next {c.horizon:.3g} s", "fit", "over noise"]
     head = ["", "unit", "noise", "free run", "fit", "over noise", *ahead]
     rows = [
         [name, one.unit, number(one.sigma), *_score(one.free_run), *(_score(one.windowed) if ahead else [])]
