@@ -162,7 +162,7 @@ def _rhythm(energy: Array) -> tuple[float, float]:
     samples = np.arange(energy.size)
     size = 2 ** int(np.ceil(np.log2(FINER_STEPS * energy.size)))  # of any other, the transform takes much memory
     spectrum = np.abs(np.fft.rfft(energy, size))
-    lowest, highest = int(np.ceil(size / energy.size * MIN_HOLDS)), size // MIN_HOLD_SAMPLES
+    lowest, highest = int(np.ceil(size / energy.size * MIN_HOLDS)), int(np.ceil(size / MIN_HOLD_SAMPLES))
     best = lowest + int(np.argmax(spectrum[lowest : highest + 1]))
     length = size / best
     turn = np.angle(np.sum(energy * np.exp(2j * np.pi * samples / length)))
