@@ -8,8 +8,9 @@ from dataclasses import replace
 
 from signlin_ros.diagnosis.evidence import HALF, Evidence
 from signlin_ros.diagnosis.output_error import FittedModel
+from signlin_ros.diagnosis.rows import force_percent
 from signlin_ros.diagnosis.selection import Selection
-from signlin_ros.diagnosis.validation import force_percent, freed
+from signlin_ros.diagnosis.validation import freed
 from signlin_ros.diagnosis.verdict import Verdict, verdict_of
 from signlin_ros.diagnosis.wording import phrases
 from signlin_ros.diagnosis.wording.reasons import REASONS

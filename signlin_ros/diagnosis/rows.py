@@ -13,6 +13,22 @@ from signlin_ros.diagnosis.results import FirstRows, LadderRow, Scores
 Array = NDArray[np.float64]
 
 
+def force_left(evidence: Evidence, f: FittedModel, final: FittedModel) -> Array | None:
+    """Return the mean squared force (blocks,) left of validation data: by the proposal as written, else at best; of one
+    that delays its input, as the delayed input leaves it, if that is seen above the noise.
+    """
+    left = evidence.force_mse_as_written(f) if f is final and f.effects else evidence.force_mse(f)
+    if left is None:
+        left = evidence.force_mse_delayed(f)
+        return left if left is not None and float(np.mean(left)) > evidence.visible_force_mse else None
+    return left
+
+
+def force_percent(evidence: Evidence, f: FittedModel, final: FittedModel) -> float | None:
+    """Return that force in per cent of the effort (RMS)."""
+    return evidence.percent_of_effort(force_left(evidence, f, final))
+
+
 def shown_percent(evidence: Evidence, f: FittedModel, left: Array | None) -> float | None:
     """Return the force (blocks,) that a fit leaves in per cent of the effort; None of effects where the base leaves
     less than the noise.
@@ -39,4 +55,4 @@ def first_rows(evidence: Evidence) -> FirstRows:
     return FirstRows(as_given, row(evidence, base, evidence.force_mse(base)), evidence.dataset.horizon)
 
 
-__all__ = ["first_rows", "row", "shown_percent"]
+__all__ = ["first_rows", "force_left", "force_percent", "row", "shown_percent"]

@@ -15,8 +15,7 @@ from signlin_ros.diagnosis.output_error.fitted import held
 from signlin_ros.diagnosis.proposal import rounded, yaml_of
 from signlin_ros.diagnosis.results import Diagnosis, ParameterEstimate, RankingEntry
 from signlin_ros.diagnosis.rivals import rivals
-from signlin_ros.diagnosis.rows import first_rows, row
-from signlin_ros.diagnosis.validation import force_left, force_percent
+from signlin_ros.diagnosis.rows import first_rows, force_left, force_percent, row
 from signlin_ros.diagnosis.verdict import Verdict
 from signlin_ros.diagnosis.wording import closed_loops, phrases, verdicts
 from signlin_ros.diagnosis.wording.reasons import REASONS

@@ -20,7 +20,7 @@ from signlin_ros.diagnosis.evidence import HALF, Evidence
 from signlin_ros.diagnosis.output_error import FittedModel, OutputErrorEstimator
 from signlin_ros.diagnosis.output_error.score import improvement, of_windows
 from signlin_ros.diagnosis.results import listed
-from signlin_ros.diagnosis.rows import row
+from signlin_ros.diagnosis.rows import force_left, force_percent, row
 from signlin_ros.diagnosis.wording import phrases
 from signlin_ros.effects import find_effect
 from signlin_ros.errors import InputError
@@ -381,22 +381,6 @@ class ValidationTests:
         return force_left(self.evidence, f, self.final)
 
 
-def force_left(evidence: Evidence, f: FittedModel, final: FittedModel) -> Array | None:
-    """Return the mean squared force (blocks,) left of validation data: by the proposal as written, else at best; of one
-    that delays its input, as the delayed input leaves it, if that is seen above the noise.
-    """
-    left = evidence.force_mse_as_written(f) if f is final and f.effects else evidence.force_mse(f)
-    if left is None:
-        left = evidence.force_mse_delayed(f)
-        return left if left is not None and float(np.mean(left)) > evidence.visible_force_mse else None
-    return left
-
-
-def force_percent(evidence: Evidence, f: FittedModel, final: FittedModel) -> float | None:
-    """Return that force in per cent of the effort (RMS)."""
-    return evidence.percent_of_effort(force_left(evidence, f, final))
-
-
 def freed(before: FittedModel, after: FittedModel) -> str:
     """Return in words which base parameter is bent most without what was added, by a tolerance more; empty if none."""
     first, last = before.prior_deviations, after.prior_deviations
@@ -406,4 +390,4 @@ def freed(before: FittedModel, after: FittedModel) -> str:
     return phrases.freed(most, first[most])
 
 
-__all__ = ["ValidationTests", "force_left", "force_percent", "freed"]
+__all__ = ["ValidationTests", "freed"]

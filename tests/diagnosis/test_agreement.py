@@ -28,8 +28,9 @@ from signlin_ros.diagnosis.family import FamilyChoice
 from signlin_ros.diagnosis.output_error import FitCache, FittedModel, OutputErrorEstimator
 from signlin_ros.diagnosis.output_error.score import generalizes_badly, improvement
 from signlin_ros.diagnosis.pruning import without_untold
+from signlin_ros.diagnosis.rows import force_percent
 from signlin_ros.diagnosis.selection import Selection, select_model
-from signlin_ros.diagnosis.validation import ValidationTests, force_percent
+from signlin_ros.diagnosis.validation import ValidationTests
 from signlin_ros.diagnosis.verdict import Verdict, verdict_of
 from signlin_ros.diagnosis.wording import phrases, verdicts
 from signlin_ros.diagnosis.wording.reasons import REASONS

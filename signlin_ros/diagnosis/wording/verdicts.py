@@ -11,8 +11,8 @@ from signlin_ros.diagnosis.dataset import Dataset
 from signlin_ros.diagnosis.evidence import HALF, Evidence
 from signlin_ros.diagnosis.output_error import FittedModel
 from signlin_ros.diagnosis.results import ParameterEstimate, listed
-from signlin_ros.diagnosis.rows import shown_percent
-from signlin_ros.diagnosis.validation import force_left, force_percent, freed
+from signlin_ros.diagnosis.rows import force_left, force_percent, shown_percent
+from signlin_ros.diagnosis.validation import freed
 from signlin_ros.diagnosis.verdict import Verdict
 from signlin_ros.diagnosis.wording import phrases
 from signlin_ros.diagnosis.wording.reasons import REASONS
