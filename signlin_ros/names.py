@@ -1,4 +1,4 @@
-"""Names that mean the same in every model file and record."""
+"""Names that mean the same in every model file and record, and in every verb and page."""
 
 from __future__ import annotations
 
@@ -15,5 +15,7 @@ AS_GIVEN, REFITTED_ROW, SENSOR_NOISE_ROW, MISSING_FORCE_ROW = (
 )
 """The first rows by which models are told apart, the same in every verb, and the last; and what stands in every group
 beside the channels."""
+AT_NOISE_RATIO = 1.1
+"""Times the noise of a channel up to which an error is no larger than it."""
 
-__all__ = ["AS_GIVEN", "MISSING_FORCE_ROW", "REFITTED_ROW", "SENSOR_NOISE_ROW", "TIME_NAMES"]
+__all__ = ["AS_GIVEN", "AT_NOISE_RATIO", "MISSING_FORCE_ROW", "REFITTED_ROW", "SENSOR_NOISE_ROW", "TIME_NAMES"]

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.comparison.bands import MIN_BIN_SAMPLES, Band, band, memory
 from signlin_ros.comparison.waves import FULL_TURN, Spectrum, Wave, folded, spectrum, waves_of
+from signlin_ros.diagnosis.blocks import MIN_DIVISOR
 from signlin_ros.diagnosis.equation_error.estimate import EquationErrorResult
 from signlin_ros.diagnosis.evidence import Evidence, changes_effort
 from signlin_ros.diagnosis.output_error import FittedModel
@@ -186,7 +187,7 @@ def _unexplained(x: Array, side: Array, values: Array) -> float:
     index = np.searchsorted(edges, x) + COORDINATE_BINS * (side > 0)
     count = np.bincount(index, minlength=2 * COORDINATE_BINS)
     mean = np.bincount(index, values, 2 * COORDINATE_BINS) / np.maximum(count, 1)
-    return float(np.var(values - mean[index]) / max(float(np.var(values)), 1e-300))
+    return float(np.var(values - mean[index]) / max(float(np.var(values)), MIN_DIVISOR))
 
 
 def _rival(

@@ -28,6 +28,7 @@ from signlin_ros.diagnosis.wording import phrases
 from signlin_ros.errors import InputError, SimulationError
 from signlin_ros.fitting.fit import fit
 from signlin_ros.model import LINEAR, Model
+from signlin_ros.names import AT_NOISE_RATIO
 
 Array = NDArray[np.float64]
 Names = tuple[str, ...]
@@ -39,8 +40,6 @@ FURTHER_HOLDS: tuple[Hold, ...] = (LINEAR, "backward")
 """What is tried after it, if it is better than held inputs."""
 LEADING = 3
 """Single laws that are fitted beside the base and the set that the force names."""
-AT_NOISE_RATIO = 1.1
-"""Times the noise of every channel up to which nothing is to be gained."""
 BETTER_HOLD_RATIO = 0.9
 """What another hold leaves in some channel, as a part of what held inputs leave (RMS), at most."""
 

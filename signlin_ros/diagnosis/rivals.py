@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from signlin_ros.diagnosis.blocks import MIN_DIVISOR
 from signlin_ros.diagnosis.evidence import Evidence
 from signlin_ros.diagnosis.output_error import FittedModel
 from signlin_ros.diagnosis.verdict import Verdict
@@ -60,7 +61,7 @@ def rival(f: FittedModel) -> Rival:
     slopes = np.array([one.k.slope(one.x) for one in f.coordinates])
     stds = np.minimum(np.array([one.std for one in f.coordinates]) * np.abs(slopes), np.sqrt(MAX_VARIANCE))
     bread = f.covariances[0]
-    size = np.sqrt(np.maximum(np.diag(bread), 1e-300))
+    size = np.sqrt(np.maximum(np.diag(bread), MIN_DIVISOR))
     correlation = bread / np.outer(size, size) * np.outer(np.sign(slopes), np.sign(slopes))
     covariance = correlation * np.outer(stds, stds)
     names, rows = tuple(one.k.name for one in f.coordinates), tuple(map(tuple, covariance.tolist()))

@@ -14,7 +14,7 @@ from signlin_ros.console import error_rows
 from signlin_ros.diagnosis.comparison import NO_SITUATION, Comparison
 from signlin_ros.diagnosis.results import LadderRow
 from signlin_ros.errors import SignlinError
-from signlin_ros.names import AS_GIVEN, REFITTED_ROW
+from signlin_ros.names import AS_GIVEN, AT_NOISE_RATIO, REFITTED_ROW
 from signlin_ros.report import pictures
 from signlin_ros.report.files import write_report
 from signlin_ros.report.page import Block, Code, Items, Page, Picture, ReportTable, Section, Text
@@ -82,10 +82,9 @@ def _lead(c: Comparison) -> str:
     score = shown[worst]
     if score is None or score.rmse_over_noise is None:
         return f"{c.samples} samples."
-    noise = (
-        "no larger than the noise" if score.rmse_over_noise < 1.1 else f"{score.rmse_over_noise:.3g} times the noise"
-    )
-    which = "Every prediction" if score.rmse_over_noise < 1.1 else f"The prediction of the {worst}"
+    at_noise = score.rmse_over_noise <= AT_NOISE_RATIO
+    noise = "no larger than the noise" if at_noise else f"{score.rmse_over_noise:.3g} times the noise"
+    which = "Every prediction" if at_noise else f"The prediction of the {worst}"
     where = f"; most of the error: {c.where[0].name}" if c.where else ""
     unseen = f"over the next {rows.horizon:.3g} s, on validation data," if rows else f"over the next {c.horizon:.3g} s"
     return f"{which} {unseen} is {noise}{where}."

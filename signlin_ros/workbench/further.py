@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from signlin_ros.errors import joined
-from signlin_ros.names import AS_GIVEN, REFITTED_ROW
+from signlin_ros.names import AS_GIVEN, AT_NOISE_RATIO, REFITTED_ROW
 from signlin_ros.workbench import commands, plans
 from signlin_ros.workbench.formats import FILES
 from signlin_ros.workbench.questions import asked_of, described, question, result, script, used
@@ -102,7 +102,7 @@ def _compared(content: dict[str, Any]) -> str:
     ratio = scored[worst]["rmse_over_noise"]
     ahead = f"over the next {(first or content)['horizon']:.3g} s (the model's update_period)"
     ahead += ", on the last third, held out," if first else ""
-    if ratio < 1.1:
+    if ratio <= AT_NOISE_RATIO:
         return f"On {names} every prediction {ahead} is no further off than the noise."
     where = f" Most of the error: {content['where'][0]['region']}." if content["where"] else ""
     said = _off(scored[worst], content["channels"].get(worst, {}).get("unit", ""))

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.diagnosis.blocks import MIN_DIVISOR
 from signlin_ros.diagnosis.output_error.fitting import LAST_STEPS, MIDDLE_STEPS, log_mse_of_windows
 from signlin_ros.diagnosis.output_error.trials import CandidateParts, Trial, completed
 from signlin_ros.fitting.candidate import Candidate
@@ -65,7 +66,7 @@ def evolved_fit(
         return sorted((f for f in run if f and real(f)), key=attrgetter("objective"))
 
     if seed:
-        logs = low + np.mod(logs - low + draw.random(len(index)) * size, np.maximum(size, 1e-300))
+        logs = low + np.mod(logs - low + draw.random(len(index)) * size, np.maximum(size, MIN_DIVISOR))
     first = [_at(c, index, c.start(), values) for values in np.exp(logs).tolist()]
     beside = bool(before.candidate.label)
     began = [f.theta for f in followed(GENERATIONS[0], 0, first)[:FOLLOWED_FIRST]]
@@ -100,7 +101,7 @@ def _followed(problem: Problem, c: Candidate, theta: Array, gains: ObserverGains
 
 def _values(c: Candidate, index: Mapping[str, int], theta: Array) -> list[float]:
     """Return the values of positive parameters at some coordinates."""
-    return [max(c.coordinates[i].value(float(theta[i])), 1e-300) for i in index.values()]
+    return [max(c.coordinates[i].value(float(theta[i])), MIN_DIVISOR) for i in index.values()]
 
 
 def _at(c: Candidate, index: Mapping[str, int], theta: Array, values: Sequence[float]) -> Array:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.diagnosis.blocks import MIN_DIVISOR
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.output_error.residual import ResidualStructure
 from signlin_ros.diagnosis.output_error.score import log_mse
@@ -301,7 +302,7 @@ def covariances(problem: Problem, f: Fit) -> tuple[Array, ...]:
     block = max(int(MIN_SCORE_BLOCK / problem.scale.step), problem.samples // MAX_SCORE_BLOCKS)
     slopes = f.candidate.slopes(f.theta)
     errors = np.concatenate(found[0])
-    weight = np.isfinite(errors).sum(axis=0) / np.maximum(np.nansum(errors**2, axis=0), 1e-300)
+    weight = np.isfinite(errors).sum(axis=0) / np.maximum(np.nansum(errors**2, axis=0), MIN_DIVISOR)
     sums = []
     for e, d in zip(found[0], found[1], strict=True):
         products = np.einsum("tc,tcj->tj", np.nan_to_num(e) * weight, np.nan_to_num(d[:, :, : f.theta.size])) * slopes

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from signlin_ros.diagnosis.blocks import MIN_DIVISOR
 from signlin_ros.diagnosis.output_error.score import blocks_per_record, log_mse, windowed
 from signlin_ros.diagnosis.output_error.trials import CandidateParts, Trial
 from signlin_ros.effects import EFFECTS
@@ -161,7 +162,7 @@ def likelihood_t(problem: Problem, f: Fit, covariances: Sequence[Array], index: 
     if best is None:
         return np.inf
     scores = f.hessian @ covariances[-1] @ f.hessian
-    correlated = max(1.0, *(float(scores[i, i] / max(f.hessian[i, i], 1e-300)) for i in index))
+    correlated = max(1.0, *(float(scores[i, i] / max(f.hessian[i, i], MIN_DIVISOR)) for i in index))
     return float(np.sqrt(max(best.objective - f.objective, 0.0) / correlated))
 
 

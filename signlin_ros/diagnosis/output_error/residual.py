@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 
 from signlin_ros.comparison.residuals import colours
+from signlin_ros.diagnosis.blocks import MIN_DIVISOR
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.fitting.fit import Fit, fit
 from signlin_ros.fitting.following import follow_records
@@ -108,7 +109,7 @@ def _regressors(
         return None
     used = min(1.0, MAX_TESTED_SAMPLES / max(problem.samples, 1))
     motions = [_motion(problem, f, s, X) for s, X in zip(problem.segments, run[2], strict=True)]
-    largest = np.maximum([np.max([np.abs(m[i]).max() for m in motions]) for i in range(3)], 1e-300)
+    largest = np.maximum([np.max([np.abs(m[i]).max() for m in motions]) for i in range(3)], MIN_DIVISOR)
     features, residuals, blocks, done = [], [], [], 0
     for whole, motion in zip(run[0], motions, strict=True):
         e = whole[: ceil(used * len(whole))]
@@ -123,7 +124,7 @@ def _regressors(
 
 def _length(response: Array) -> int:
     """Return in how many samples (of M, ny) nearly all of a response happens, in the slowest channel."""
-    share = np.cumsum(response**2, axis=0) / np.maximum(np.sum(response**2, axis=0), 1e-300)
+    share = np.cumsum(response**2, axis=0) / np.maximum(np.sum(response**2, axis=0), MIN_DIVISOR)
     return int(np.max(np.sum(share < NEAR_ALL, axis=0))) + 1
 
 
@@ -168,12 +169,12 @@ def _predicted(Z: Array, y: Array, fold: NDArray[np.int_]) -> Array:
     parts = [(Z[fold == i].reshape(-1, Z.shape[2]), y[fold == i].ravel()) for i in range(folds)]
     grams, sides = np.array([z.T @ z for z, _ in parts]), np.array([z.T @ e for z, e in parts])
     gram, side, left = grams.sum(axis=0), sides.sum(axis=0), np.zeros(y.shape[1])
-    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    scale = np.sqrt(np.maximum(np.diag(gram), MIN_DIVISOR))
     for i in range(folds):
         rest = (gram - grams[i]) / np.outer(scale, scale) + TEST_RIDGE * np.eye(scale.size)
         beta = np.linalg.solve(rest, (side - sides[i]) / scale) / scale
         left += np.sum((y[fold == i] - Z[fold == i] @ beta) ** 2, axis=0)
-    return np.asarray(1.0 - left / np.maximum(np.sum(y**2, axis=0), 1e-300))
+    return np.asarray(1.0 - left / np.maximum(np.sum(y**2, axis=0), MIN_DIVISOR))
 
 
 __all__ = ["ResidualStructure", "dependence", "residual_tests"]

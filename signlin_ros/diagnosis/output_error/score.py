@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.comparison.scores import Score, rated
-from signlin_ros.diagnosis.blocks import MAX_LOG_FALL
+from signlin_ros.diagnosis.blocks import MAX_LOG_FALL, MIN_DIVISOR
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.fitting.candidate import Candidate
 from signlin_ros.fitting.following import follow_records
@@ -70,11 +70,13 @@ def improvement(before: Array, after: Array, noise: Array) -> Improvement:
     first, second = a.sum(axis=0) / count, b.sum(axis=0) / count
     falls = np.clip(np.log((a + noise**2) / (b + noise**2)), -MAX_LOG_FALL, MAX_LOG_FALL)
     beyond = np.maximum(first - noise**2, 0.01 * first)
-    share = float(np.max((first - second) / np.maximum(beyond, 1e-300)))
-    unit = np.maximum(noise**2, 1e-12 * first) + 1e-300
-    joint = float(np.sum((first - second) / unit) / max(float(np.sum(beyond / unit)), 1e-300))
+    share = float(np.max((first - second) / np.maximum(beyond, MIN_DIVISOR)))
+    unit = np.maximum(noise**2, 1e-12 * first) + MIN_DIVISOR
+    joint = float(np.sum((first - second) / unit) / max(float(np.sum(beyond / unit)), MIN_DIVISOR))
     each = np.array([_certainty(falls[there[:, c], c]) for c in range(falls.shape[1])])
-    return Improvement(_certainty(falls.sum(axis=1)), share, joint, each, np.sqrt(second / np.maximum(first, 1e-300)))
+    return Improvement(
+        _certainty(falls.sum(axis=1)), share, joint, each, np.sqrt(second / np.maximum(first, MIN_DIVISOR))
+    )
 
 
 def _certainty(falls: Array) -> float:
@@ -86,7 +88,7 @@ def _certainty(falls: Array) -> float:
     falls = np.append(falls, 0.0)
     apart = falls - falls.mean()
     square = float(apart @ apart)
-    r = min(max(float(apart[1:] @ apart[:-1]) / max(square, 1e-300), 0.0), 0.9)
+    r = min(max(float(apart[1:] @ apart[:-1]) / max(square, MIN_DIVISOR), 0.0), 0.9)
     error = np.sqrt(square / (falls.size - 1) / falls.size * (1 + r) / (1 - r))
     return float(falls.mean() / error) if error > 0 else 0.0
 
@@ -97,7 +99,7 @@ def beyond_noise(before: Array, after: Array, samples: Array, together: Array) -
     Its errors e are noise, those of the other e + d: squares differ by d (2 e + d), of standard deviation 2 |e| |d|, of
     ``samples`` (channels) of which, in coloured noise, ``together`` (channels) count as one.
     """
-    first, second = np.nanmean(before, axis=0), np.maximum(np.nanmean(after, axis=0), 1e-300)
+    first, second = np.nanmean(before, axis=0), np.maximum(np.nanmean(after, axis=0), MIN_DIVISOR)
     return float(np.sqrt(max(np.sum(samples / together * (first - second) / second) / 4, 0.0)))
 
 

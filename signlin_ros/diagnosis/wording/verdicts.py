@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 
 from signlin_ros.comparison.scores import follows_nothing
+from signlin_ros.diagnosis.blocks import MIN_DIVISOR
 from signlin_ros.diagnosis.dataset import Dataset
 from signlin_ros.diagnosis.evidence import HALF, Evidence
 from signlin_ros.diagnosis.output_error import FittedModel
@@ -239,7 +240,7 @@ def _motion_left(evidence: Evidence, verdict: Verdict) -> str:
     if evidence.near_noise(verdict.final):
         return ""
     times = (
-        verdict.final.validation_rmse / np.maximum(list(evidence.dataset.noise.values()), 1e-300)
+        verdict.final.validation_rmse / np.maximum(list(evidence.dataset.noise.values()), MIN_DIVISOR)
     ).tolist()  # as the rows have it
     most, name = max(zip(times, evidence.dataset.training.channels, strict=True))
     alone = ": no other listed effect takes that away" if verdict.alone else ""
