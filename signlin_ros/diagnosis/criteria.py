@@ -79,5 +79,7 @@ class Criteria:
 
 
 DEFAULT_CRITERIA = Criteria()
+HALF = 0.5
+"""Part of a squared error from which on it is most of it, where estimates or laws are set against each other."""
 
-__all__ = ["DEFAULT_CRITERIA", "Criteria"]
+__all__ = ["DEFAULT_CRITERIA", "HALF", "Criteria"]

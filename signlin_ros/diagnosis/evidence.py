@@ -31,8 +31,6 @@ from signlin_ros.threads import one_thread
 Array = NDArray[np.float64]
 WHOLE_EFFORT = 100.0
 """All of the effort, in per cent of it."""
-HALF = 0.5
-"""Part of a squared error from which on it is most of it, where estimates or laws are set against each other."""
 
 
 def equation_error_of(dataset: Dataset, criteria: Criteria, progress: Progress) -> EquationErrorResult | None:
@@ -386,7 +384,6 @@ def _orders(f: FittedModel) -> list[float]:
 
 
 __all__ = [
-    "HALF",
     "Evidence",
     "changes_effort",
     "equation_error_of",

@@ -8,9 +8,10 @@ from functools import partial
 
 import numpy as np
 
+from signlin_ros.diagnosis.criteria import HALF
 from signlin_ros.diagnosis.equation_error.estimate import LATE_SENSOR, EquationErrorResult
 from signlin_ros.diagnosis.equation_error.regression import RegressionFit
-from signlin_ros.diagnosis.evidence import HALF, Evidence
+from signlin_ros.diagnosis.evidence import Evidence
 from signlin_ros.diagnosis.output_error import FittedModel
 from signlin_ros.effects import kin_of
 from signlin_ros.errors import InputError

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from signlin_ros.diagnosis.criteria import HALF
 from signlin_ros.diagnosis.equation_error.estimate import EquationErrorResult
-from signlin_ros.diagnosis.evidence import HALF, Evidence
+from signlin_ros.diagnosis.evidence import Evidence
 from signlin_ros.diagnosis.output_error import FittedModel
 from signlin_ros.diagnosis.wording import phrases
 from signlin_ros.effects import EFFECTS

@@ -6,7 +6,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from signlin_ros.diagnosis.evidence import HALF, Evidence
+from signlin_ros.diagnosis.criteria import HALF
+from signlin_ros.diagnosis.evidence import Evidence
 from signlin_ros.diagnosis.output_error import FittedModel
 from signlin_ros.diagnosis.rows import force_percent
 from signlin_ros.diagnosis.selection import Selection

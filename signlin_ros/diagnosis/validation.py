@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from signlin_ros.comparison.force_segment import ForceSegment, missing_force
 from signlin_ros.comparison.scores import unfollowed
 from signlin_ros.diagnosis.blocks import BlockChange
-from signlin_ros.diagnosis.criteria import Criteria
+from signlin_ros.diagnosis.criteria import HALF, Criteria
 from signlin_ros.diagnosis.dataset import Dataset
 from signlin_ros.diagnosis.equation_error.flexible import Columns, Curve, changing
 from signlin_ros.diagnosis.equation_error.regression import RegressionFit
-from signlin_ros.diagnosis.evidence import HALF, Evidence
+from signlin_ros.diagnosis.evidence import Evidence
 from signlin_ros.diagnosis.output_error import FittedModel, OutputErrorEstimator
 from signlin_ros.diagnosis.output_error.score import improvement, of_windows
 from signlin_ros.diagnosis.results import listed

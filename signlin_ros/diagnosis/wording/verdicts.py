@@ -8,8 +8,9 @@ import numpy as np
 
 from signlin_ros.comparison.scores import follows_nothing
 from signlin_ros.diagnosis.blocks import MIN_DIVISOR
+from signlin_ros.diagnosis.criteria import HALF
 from signlin_ros.diagnosis.dataset import Dataset
-from signlin_ros.diagnosis.evidence import HALF, Evidence
+from signlin_ros.diagnosis.evidence import Evidence
 from signlin_ros.diagnosis.output_error import FittedModel
 from signlin_ros.diagnosis.results import ParameterEstimate, listed
 from signlin_ros.diagnosis.rows import force_left, force_percent, shown_percent
