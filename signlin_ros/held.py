@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.noise import quantum_of
+from signlin_ros.noise import noise_level, quantum_of, steps_shown
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -42,6 +42,9 @@ MIN_RHYTHM_SHARE = 0.9
 """Share of the squared differences that two samples in each hold have."""
 STAYS = 1.0 / 3.0
 """A held value moves by less than this part of what it changes by from hold to hold (RMS)."""
+MIN_REPEATS, LEAP, MAX_DROPPED_SHARE = 2, 2.0, 0.5
+"""Least repetitions in a row of a reading that failed; how many of its usual changes a channel leaps after them
+(median); and the largest share of such samples: more are a slower sensor."""
 FINER_STEPS = 8
 """The rhythm is sought in so many times finer steps than a record resolves."""
 RHYTHM_SAMPLES = 20_000
@@ -69,6 +72,34 @@ class Held:
         energy = np.diff(values) ** 2
         at = np.unique(np.clip(self.begins[1:, None] - np.arange(1, 4), 0, energy.size - 1))
         return bool(energy.any() and energy[at].sum() >= MIN_RHYTHM_SHARE * energy.sum())
+
+
+def dropped(values: Array) -> NDArray[np.bool_]:
+    """Return which of values (T,) repeat the one before because no reading came: runs of equal values that the noise of
+    the channel makes none of, not even once in so many samples (`CHANCE`), and after which it leaps. A machine that
+    stands still leaves its place slowly.
+    """
+    there = np.flatnonzero(np.isfinite(values))
+    y, found = values[there], np.zeros(values.size, dtype=np.bool_)
+    changes = np.abs(np.diff(y))
+    if y.size < MIN_HOLDS or not changes.any():
+        return found
+    new = np.concatenate([[True], changes > 0.0])
+    sigma = noise_level(np.flatnonzero(new).astype(np.float64), y[new]).sigma
+    if sigma == 0.0:
+        return found
+    alike = min(float(np.median(steps_shown(y))) / (2.0 * np.sqrt(np.pi) * sigma), 1.0)
+    longest = int(np.ceil(np.log(CHANCE / y.size) / np.log(alike))) if 0.0 < alike < 1.0 else MIN_REPEATS
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], new, [True]]).astype(np.int8)))
+    begins, ends = edges[::2], edges[1::2]  # repetitions, [begin, end)
+    long = (ends - begins >= max(longest, MIN_REPEATS)) & (y[begins] != 0.0) & (ends < y.size) & (alike < 1.0)
+    begins, ends = begins[long], ends[long]
+    leaps = np.abs(y[ends[ends < y.size]] - y[begins[ends < y.size]]) if begins.size else np.zeros(0)
+    if not leaps.size or np.median(leaps) < LEAP * np.median(changes[changes > 0.0]):
+        return found
+    for first, last in zip(begins, ends, strict=True):
+        found[there[first:last]] = True
+    return found if found.sum() <= MAX_DROPPED_SHARE * y.size else np.zeros_like(found)
 
 
 def held(values: Array) -> Held | None:
@@ -169,4 +200,4 @@ def _rhythm(energy: Array) -> tuple[float, float]:
     return length, float(turn / (2.0 * np.pi) * length)
 
 
-__all__ = ["Held", "held"]
+__all__ = ["Held", "dropped", "held"]

@@ -142,11 +142,17 @@ def without_channel(name: str) -> Callable[[ModelData], ModelData]:
     return cure
 
 
-def without_samples(names: tuple[str, ...], drop: NDArray[np.bool_]) -> Callable[[ModelData], ModelData]:
+def set_to(look: Look, name: str, values: Array) -> Callable[[ModelData], ModelData]:
+    """Return the cure that gives one input or channel other values (T,), at the stamps that are left by then."""
+    return lambda record: with_channel(record, name, values[np.isin(look.t, record.t)])
+
+
+def without_samples(look: Look, names: tuple[str, ...], drop: NDArray[np.bool_]) -> Callable[[ModelData], ModelData]:
     """Return the cure that makes samples (T,) of channels missing; rows that then hold nothing are left out."""
 
     def cure(record: ModelData) -> ModelData:
-        measured = {n: frozen(np.where(drop, np.nan, v)) if n in names else v for n, v in record.measured.items()}
+        off = drop[np.isin(look.t, record.t)]  # another cure may have left rows out before
+        measured = {n: frozen(np.where(off, np.nan, v)) if n in names else v for n, v in record.measured.items()}
         kept = np.isfinite(np.stack(list(measured.values()))).any(axis=0)
         measured = {n: frozen(v[kept]) for n, v in measured.items()}
         rest = timed(record, lambda stamps: stamps[kept])
@@ -177,6 +183,7 @@ __all__ = [
     "OfColumns",
     "OfRecordsTogether",
     "changed",
+    "set_to",
     "timed",
     "values_of",
     "with_channel",

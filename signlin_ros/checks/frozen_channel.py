@@ -19,7 +19,7 @@ class FrozenChannel(Check):
 
     Test: no two values differ. A sensor with any noise, or a quantity that follows the other, never does that: of
     `MIN_SAMPLES` samples in steps as coarse as their noise fewer than one in 10^6 records are all alike.
-    Cure: the channel is left out.
+    Cure: the channel is left out; refused where it is all that the model computes of an imposed motion.
     """
 
     name = "frozen_channel"
@@ -38,6 +38,10 @@ class FrozenChannel(Check):
         for name in frozen:
             value = float(look.finite(name)[1][0])
             sentence = f"the {name} is {value:g} {look.unit(name)} in every sample while the {moving[0]} changes"
+            if look.model.plant.motion_is_imposed() and not {*look.model.outputs} & {*look.channels} - {*frozen}:
+                way = f"nothing else of what the model does is recorded; map what measures it, --signal {name}=COLUMN"
+                yield Finding(self.name, name, "refuse", f"{sentence}: nothing measures it, and {way}", final=True)
+                continue
             yield Finding(
                 self.name,
                 name,

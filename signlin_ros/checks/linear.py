@@ -85,8 +85,8 @@ def linear_base(model: Model) -> Base | None:
     if not all(np.isfinite(part).all() for part in (A, B, f, C, D, y)):
         return None
     rows = {name: (np.eye(n)[i], np.zeros(m), 0.0) for i, name in enumerate(model.states)}
-    others = [name for name in model.outputs if name not in model.states]
-    rows |= {name: (C[i], D[i], float(y.ravel()[i])) for i, name in enumerate(others) if i < len(C)}
+    given = zip(model.outputs if y.size else (), C, D, y.ravel(), strict=True)  # none are traced that are all states
+    rows |= {name: (row, direct, float(value)) for name, row, direct, value in given if name not in model.states}
     return Base(A, B.reshape(n, m), f.ravel(), rows, model.inputs, model.states, model.delay)
 
 

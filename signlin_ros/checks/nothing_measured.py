@@ -13,13 +13,13 @@ from signlin_ros.checks.look import MIN_SAMPLES, Look
 from signlin_ros.errors import joined
 from signlin_ros.records import ModelData
 from signlin_ros.records.converted import SMALLEST
+from signlin_ros.records.inputs import JOIN
 from signlin_ros.records.notes import as_notes
 
 Array = NDArray[np.float64]
 
 ONE_FILE = (
-    "the signals of one record must stand in one file; where the rows of two files belong together, "
-    "`paste -d, a.csv b.csv > both.csv` joins them, and --signal NAME=COLUMN says which column is which"
+    f"the signals of one record must stand in one file; {JOIN}, and --signal NAME=COLUMN says which column is which"
 )
 """What is to be done where signals are in several files."""
 MAX_EMPTY_SIZE = 1e-15
@@ -103,9 +103,10 @@ def _size(look: Look, name: str, most: float) -> str:
 
 
 def _said(record: ModelData, name: str) -> bool:
-    """Tell whether somebody said what an input is, or that it is not there."""
-    kinds = {note.kind for note in as_notes(record.notes) if note.channel == name}
-    return bool(kinds & {"assumed"}) or any(n.channel == name and "throughout" in n for n in as_notes(record.notes))
+    """Tell whether somebody said what an input is, or that no column holds it."""
+    of = [note for note in as_notes(record.notes) if note.channel == name]
+    nowhere = name not in record.labels
+    return any("throughout" in note or (nowhere and note.kind == "assumed") for note in of)
 
 
 def _tiny(record: ModelData, name: str) -> bool:

@@ -75,7 +75,9 @@ def units(look: Look, p: LinearPrediction | Together) -> Iterator[Reading]:
 
 
 def pairs(look: Look, p: LinearPrediction | Together) -> Iterator[Reading]:
-    """Yield the units that two signals may be in, which are not position and velocity of one kind."""
+    """Yield the units that two signals may be in, which are not position and velocity of one kind; and the unit of one
+    beside the sign of another.
+    """
     one = [
         (name, unit, factor) for name in p.sources if _recorded(name, p) for unit, factor in look.others(name).items()
     ]
@@ -83,6 +85,10 @@ def pairs(look: Look, p: LinearPrediction | Together) -> Iterator[Reading]:
         if a != b:
             words = f"{a} and {b} fit if they are in {first} and {second}"
             yield Reading({a: of_a, b: of_b}, words, f"{a}_in_{word(first)}_{b}_in_{word(second)}", far_fetched=True)
+    for (a, unit, of_a), b in itertools.product(one, [name for name in p.sources if _recorded(name, p)]):
+        if a != b:
+            words = f"the {a} fits if it is in {unit} and the {b} is reversed"
+            yield Reading({a: of_a, b: -1.0}, words, f"{a}_in_{word(unit)}_reverse_{b}", far_fetched=True)
 
 
 def gears(look: Look, p: LinearPrediction | Together) -> Iterator[Reading]:

@@ -8,6 +8,7 @@ from signlin_ros.checks.clipped import Clipped
 from signlin_ros.checks.exchanged import Exchanged
 from signlin_ros.checks.excitation import Excitation
 from signlin_ros.checks.frozen_channel import FrozenChannel
+from signlin_ros.checks.held_readings import HeldReadings
 from signlin_ros.checks.integer_overflow import IntegerOverflow
 from signlin_ros.checks.jitter import Jitter
 from signlin_ros.checks.loop_output import LoopOutput
@@ -40,6 +41,7 @@ CHECKS: tuple[type[Check], ...] = (
     IntegerOverflow,
     WildSamples,
     RepeatedValues,
+    HeldReadings,
     Clipped,
     NoMotion,
     TimeUnit,

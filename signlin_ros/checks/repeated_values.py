@@ -39,5 +39,5 @@ class RepeatedValues(Check):
                 cure="own_rate",
                 remedy="repetitions are left out",
                 harmless=True,
-                action=without_samples((name,), found.repeated(values.size)),
+                action=without_samples(look, (name,), found.repeated(values.size)),
             )

@@ -7,9 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.checks.base import Check, changed, without_samples
+from signlin_ros.checks.base import Check, set_to, without_samples
 from signlin_ros.checks.finding import Finding
 from signlin_ros.checks.look import MIN_SAMPLES, Look
+from signlin_ros.checks.reached import never_reached
 from signlin_ros.errors import joined
 from signlin_ros.noise import noise_level
 from signlin_ros.records.inputs import filled_in
@@ -53,6 +54,7 @@ class TwoSources(Check):
             yield self._dropped(look, zeros)
         for name in look.record.inputs:
             found = _zeros(look.of(name), BURST)
+            found = _between_equals(look, name) if found is None else found
             if found is not None and np.ptp(look.of(name)[look.of(name) != 0.0]) > 0:
                 yield self._held(look, name, found)
         for name in (n for n in look.channels if n not in zeros):
@@ -80,13 +82,13 @@ class TwoSources(Check):
             cure="drop_zeros",
             remedy="these are left out",
             harmless=True,
-            action=without_samples(names, drop),
+            action=without_samples(look, names, drop),
         )
 
     def _held(self, look: Look, name: str, zeros: NDArray[np.bool_]) -> Finding:
         sentence = f"the {name} jumps to 0 and back in {int(zeros.sum())} of {zeros.size} samples: a second source"
         index = np.arange(zeros.size, dtype=float)
-        between = filled_in(index, look.of(name), zeros)[1]
+        filled, between = filled_in(index, look.of(name), zeros)
         how = (
             "they lie on the line between the values beside them" if between else "the value before them is held there"
         )
@@ -97,7 +99,7 @@ class TwoSources(Check):
             sentence,
             cure=f"hold_{name}",
             remedy=f"{how}, if that is what reached the drive",
-            action=changed(name, lambda values: filled_in(index, values, zeros)[0]),
+            action=set_to(look, name, filled),
         )
 
 
@@ -146,6 +148,25 @@ def _zeros(values: Array, longest: int = BRIEF) -> NDArray[np.bool_] | None:
     never = noise.quantum == 0.0 and sigma > 0.0  # its noise makes no exact 0
     found[at[(wide <= longest) if never and longest > BRIEF else brief]] = True
     return found
+
+
+def _between_equals(look: Look, name: str) -> NDArray[np.bool_] | None:
+    """Return where (T,) an input is 0 for a while between values that are the same, and the motion does not follow: a
+    command that is held has no noise to tell such zeros by. None where they are few.
+    """
+    values = look.of(name)
+    rest, at = np.flatnonzero(values != 0.0), np.flatnonzero(values == 0.0)
+    if min(rest.size, at.size) < MIN_ZEROS:
+        return None
+    k = np.searchsorted(rest, at)
+    inside = (k > 0) & (k < rest.size)
+    at, before, after = at[inside], rest[k[inside] - 1], rest[k[inside]]
+    found = np.zeros(values.size, dtype=np.bool_)
+    found[at[(values[before] == values[after]) & (after - before <= BURST)]] = True
+    if found.sum() < MIN_ZEROS:
+        return None
+    found = never_reached(look, name, filled_in(look.t, values, found)[0])
+    return found if found.sum() >= MIN_ZEROS else None
 
 
 def _turns(values: Array) -> int:

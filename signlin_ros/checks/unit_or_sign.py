@@ -141,7 +141,7 @@ def _may_be_guess(look: Look, r: Reading) -> bool:
     """Tell whether a reading may as well be parameters that are guesses: one signal not by more than `MAX_GUESS`; of
     two only the ratio may count.
     """
-    logs = [math.log(abs(factor)) for factor in r.divided.values()]
+    logs = [math.log(abs(factor)) for factor in r.divided.values() if factor != -1.0]
     return r.far_fetched and _guessed(look.model) and (len(logs) > 1 or abs(logs[0]) < MAX_GUESS)
 
 
@@ -165,20 +165,22 @@ def _by_force(
     scale = found.factor
     if scale is None:
         unknown = found.resisted < MAX_ERROR_RATIO
-        return [(left, r) for left, r in fits if r.only_sign or not (unknown and _may_be_friction(_times(r, name)))]
+        return [(left, r) for left, r in fits if r.only_sign or not (unknown and _may_be_friction(_times(r, looks[0])))]
     of_effort = [one for one in fits if tuple(one[1].divided) == (name,) and not one[1].only_sign]
     alone = len({looks[0].position, looks[0].velocity} & {*p.channels}) == 1  # its factor is one over the effort's
     other = [one for one in fits if one[1].far_fetched and (alone or len(one[1].divided) > 1)]
-    kept = [one for one in fits if one not in (*of_effort, *other) or _near(_times(one[1], name), scale)]
+    kept = [one for one in fits if one not in (*of_effort, *other) or _near(_times(one[1], looks[0]), scale)]
     if not of_effort or (kept and not all(r.far_fetched for _, r in kept)):
         return kept
     return [*(one for one in kept if one not in of_effort), (p.left({name: 1.0 / scale}), gear(looks[0], name, scale))]
 
 
-def _times(r: Reading, effort: str) -> float:
+def _times(r: Reading, look: Look) -> float:
     """Return by what a reading makes the effort smaller beside the motion, of which it may make two signals larger."""
-    motions = [factor for name, factor in r.divided.items() if name != effort]
-    return r.divided.get(effort, 1.0) / math.prod(map(abs, motions)) ** (1.0 / max(len(motions), 1))
+    motions = [r.divided[name] for name in dict.fromkeys((look.position, look.velocity)) if name in r.divided]
+    size = math.prod(map(abs, motions)) ** (1.0 / max(len(motions), 1))
+    effort = r.divided.get(look.record.inputs[0], 1.0)
+    return effort / math.copysign(size, motions[0] if motions else 1.0)
 
 
 def _may_be_friction(times: float) -> bool:

@@ -26,13 +26,15 @@ import numpy as np
 import numpy.typing as npt
 
 from signlin_ros.errors import RecordError
+from signlin_ros.records.clocks import one_clock
+from signlin_ros.records.counted import Times
 from signlin_ros.records.grammar import is_formula, split_unit, words
 from signlin_ros.records.header import TIME_KEYS, Heading, clock, heading
 from signlin_ros.records.notes import Note
 from signlin_ros.records.runs import runs_of
 from signlin_ros.records.sparse import sparse
 from signlin_ros.records.table import Record, Rows, Signal, at
-from signlin_ros.records.times import Times, one_clock, times_of
+from signlin_ros.records.times import times_of
 
 Array = npt.NDArray[np.float64]
 

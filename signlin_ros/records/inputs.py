@@ -23,6 +23,9 @@ _SOURCES = {"velocity": ("displacement",)}
 """What an input of an imposed motion may be derived from."""
 _DIVISOR = "add a small number to the divisor, ... / (COLUMN + 0.001), or leave these rows out of the file"
 
+JOIN = "`paste -d, a.csv b.csv > both.csv` joins rows that belong together"
+"""What is to be done where the signals of one record are in two files."""
+
 LONGEST_HOLD = 5
 """So many missing samples of an input in a row are filled; more are refused."""
 
@@ -47,7 +50,8 @@ def check_inputs(
         raise RecordError(
             f"{record.source}: no column for input {name!r}; {record.listing()}{_hint(record, model, name)}; "
             f"map it with --signal {name}=COLUMN or signals: {{{name}: COLUMN}} in the model file, "
-            f"or say that it is 0: --signal {name}=0" + "".join(f" ({note})" for note in out)
+            f"or say that it is 0: --signal {name}=0{'' if record.series else f'; where another file holds it, {JOIN}'}"
+            + "".join(f" ({note})" for note in out)
         )
 
 
@@ -124,6 +128,9 @@ def _inputs_filled(record: Record, name: str, values: Array, notes: list[Note]) 
         why = "before its first value" if first == 0 else f"more than {LONGEST_HOLD} times in a row"
         divided = _undefined(record, name)
         lacks, more = ("has no value", f": {divided}; {_DIVISOR}") if divided else ("is missing", "")
+        if missing.all() and not divided:
+            more = ", and has none: nothing measures it; map the column of what drives it, --signal "
+            more += f"{name}=COLUMN, or say that nothing does, --signal {name}=0"
         raise RecordError(f"{record.source}: {record.where(first)}: the input {name!r} {lacks} {why}{more}")
     place = record.where(int(np.argmax(missing)))
     filled, smooth = filled_in(record.t, values, missing)

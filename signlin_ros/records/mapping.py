@@ -20,7 +20,7 @@ from signlin_ros.records.formulas import by_number, constant, made, sole
 from signlin_ros.records.header import TIME_KEYS, heading
 from signlin_ros.records.inputs import check_inputs, with_inputs
 from signlin_ros.records.notes import Note, as_notes
-from signlin_ros.records.slope import held_slope, slope
+from signlin_ros.records.slope import rate_of
 from signlin_ros.records.table import Record, Signal, frozen
 
 if TYPE_CHECKING:
@@ -142,13 +142,11 @@ def for_model(
     values, unit_of = converted(record, model, chosen, notes, numbers)
     notes += [Note(f"{n} is {values[n][0]:g} {unit_of[n]} throughout, as said", "mapped", n) for n in numbers]
     for name, position in derived.items():
-        values[name], noise = slope(record.t, values[position])
+        efforts = [values[n] for n in model.outputs if n in values and n not in model.states]
+        values[name], noise, held = rate_of(record.t, values[position], next(iter(efforts), None))
         unit_of[name] = {"rad": "rad/s"}.get(unit_of[position], model.units[name])
         smoothed = f", smoothed by as much as its noise, {noise:.2g} {unit_of[position]}" if noise else ""
-        efforts = [values[n] for n in model.outputs if n in values and n not in model.states]
-        held = held_slope(record.t, values[position], values[name], efforts[0]) if efforts else None
-        if held is not None:
-            values[name] = held
+        if held:
             said = f"{name} is the difference of {position} from sample to sample: it was held in between"
             notes.append(Note(said, "derived", name))
             continue

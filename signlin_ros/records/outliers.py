@@ -67,7 +67,7 @@ def without_outliers(record: ModelData, channels: tuple[str, ...]) -> tuple[Mode
 
 
 def wild(record: ModelData, name: str, inert: bool = True) -> NDArray[np.bool_]:
-    """Return which samples (T,) of a measured state are off: the seldom ones (`without_outliers`), and more of them
+    """Return which samples (T,) of a measured signal are off: the seldom ones (`without_outliers`), and more of them
     where each lies between neighbours that agree, `BEYOND` times further off than any other sample is.
 
     ``inert``: no step of an input moves it for a sample or two, as a position or a velocity; a current leaps with it.
@@ -78,24 +78,43 @@ def wild(record: ModelData, name: str, inert: bool = True) -> NDArray[np.bool_]:
     found[off if off.size <= max(MAX_FEW_OUTLIERS, MAX_OUTLIER_SHARE * y.size) else off[:0]] = True
     for _ in range(LOOKING_ROUNDS):
         before = int(found.sum())
-        for first, last in pairwise(gaps(record.t)):
-            there = first + np.flatnonzero(np.isfinite(y[first:last]) & ~found[first:last])
-            if there.size >= MIN_USUAL_SAMPLES:
-                stepping = _stepping(record.u[there])
-                parts = [
-                    _set_apart(there, y[there], calm, 0 if before else MAX_FEW_OUTLIERS)
-                    for calm in ((~stepping, stepping | ~stepping) if inert else (~stepping,))
-                ]
-                found[there[np.concatenate(parts)]] = True
+        for there in _stretches(record.t, y, found):
+            stepping = _stepping(record.u[there])
+            parts = [
+                _set_apart(there, y[there], calm, 0 if before else MAX_FEW_OUTLIERS)
+                for calm in ((~stepping, stepping | ~stepping) if inert else (~stepping,))
+            ]
+            found[there[np.concatenate(parts)]] = True
         if before == found.sum():
             break
     return found if found.sum() <= max(MAX_FEW_OUTLIERS, MAX_WILD_SHARE * y.size) else np.zeros_like(found)
 
 
-def _set_apart(at: Index, y: Array, calm: NDArray[np.bool_], few: int) -> NDArray[np.intp]:
+def wild_inputs(t: Array, u: Array) -> NDArray[np.bool_]:
+    """Return which samples (T,) of an input u (T,) at t (T,) s depart so from neighbours that agree: what a command
+    may do, and be it once. Whether it did is for the motion to tell.
+    """
+    found = np.zeros(u.size, dtype=np.bool_)
+    for there in _stretches(t, u, found):
+        found[there[_set_apart(there, u[there], np.ones(there.size, dtype=np.bool_), 0, others=0)]] = True
+    return found
+
+
+def _stretches(t: Array, y: Array, out: NDArray[np.bool_]) -> list[Index]:
+    """Return the places of the samples of y (T,) at t (T,) s that are there and not ``out`` (T,), by stretches without
+    a gap that are long enough.
+    """
+    found = [first + np.flatnonzero(np.isfinite(y[first:last]) & ~out[first:last]) for first, last in pairwise(gaps(t))]
+    return [there for there in found if there.size >= MIN_USUAL_SAMPLES]
+
+
+def _set_apart(
+    at: Index, y: Array, calm: NDArray[np.bool_], few: int, others: int = MIN_MOTION_PEAKS
+) -> NDArray[np.intp]:
     """Return the samples of y (T,), where it is ``calm``, that depart from both neighbours and come back, further than
     all others: between the least of them, more than ``few``, and the next peak of the motion is a factor `BEYOND`.
-    ``at`` (T,): places of the samples, between which others may be left out.
+    ``at`` (T,): places of the samples, between which others may be left out; ``others``: peaks that there are at least
+    besides, and as many as are found; 0: none.
     """
     least, found = MIN_OUTLIER_STEPS * _steps(y), np.zeros(y.size, dtype=np.bool_)
     for length in range(1, PAIR + 1):
@@ -103,16 +122,14 @@ def _set_apart(at: Index, y: Array, calm: NDArray[np.bool_], few: int) -> NDArra
         judged = calm[1 : 1 + away.size] & (away > apart)  # at a corner it does not come back
         peaks = np.flatnonzero(judged & (away >= maximum_filter1d(np.where(judged, away, 0.0), 2 * length + 1)))
         peaks = peaks[np.argsort(-away[peaks], kind="stable")]
-        sizes = away[peaks]
-        floor = np.maximum(MIN_OUTLIER_DEVIATIONS * float(np.median(away)) / 0.6745, least[1 + peaks[:-1]])
-        last = np.arange(1, sizes.size)
-        beyond = (sizes[:-1] > floor) & (sizes[:-1] > BEYOND * sizes[1:])
-        beyond &= (
-            (last > few) & (last <= MAX_WILD_SHARE * y.size) & (sizes.size - last >= np.maximum(last, MIN_MOTION_PEAKS))
-        )
+        sizes, after = away[peaks], np.append(away[peaks[1:]], 0.0)
+        floor = np.maximum(MIN_OUTLIER_DEVIATIONS * float(np.median(away)) / 0.6745, least[1 + peaks])
+        last = np.arange(1, sizes.size + 1)
+        beyond = (sizes > floor) & (sizes > BEYOND * after) & (last > few) & (last <= MAX_WILD_SHARE * y.size)
+        beyond &= (sizes.size - last >= np.maximum(last, others)) if others else True
         if not beyond.any():
             continue
-        limit = sizes[:-1][beyond].min()
+        limit = sizes[beyond].min()
         beyond_line = np.sort(peaks[away[peaks] >= limit])
         for k in beyond_line[~_turning(at, y, away, beyond_line, length)].tolist():
             found[1 + k : 1 + k + length] = True
@@ -156,10 +173,8 @@ def _interpolated(at: Index, y: Array, known: list[Index], place: Index) -> Arra
 def _departing(record: ModelData, y: Array) -> NDArray[np.intp]:
     """Return the samples of y (T,) that are off; those of its parts between gaps do not know of each other."""
     found = []
-    for first, last in pairwise(gaps(record.t)):
-        there = first + np.flatnonzero(np.isfinite(y[first:last]))
-        if there.size >= MIN_USUAL_SAMPLES:
-            found += [there[i] for i in _off(y[there], _stepping(record.u[there]))]
+    for there in _stretches(record.t, y, np.zeros(y.size, dtype=np.bool_)):
+        found += [there[i] for i in _off(y[there], _stepping(record.u[there]))]
     return np.array(sorted(set(found)), dtype=np.intp)
 
 
@@ -180,7 +195,7 @@ def _off(y: Array, stepping: NDArray[np.bool_]) -> set[int]:
     least = MIN_OUTLIER_STEPS * _steps(y)
     for length in range(1, MAX_OUTLIER_RUN + 1):
         away, apart = _away(y, length)
-        limit = np.maximum(np.maximum(_unusual(away), least[1 : 1 + away.size]), MIN_OVER_NEIGHBOURS * apart)
+        limit = np.maximum(np.maximum(_unusual(away, length), least[1 : 1 + away.size]), MIN_OVER_NEIGHBOURS * apart)
         beyond_line = np.flatnonzero((away > limit) & ~stepping[1 : 1 + away.size])
         for k in beyond_line[~_turning(np.arange(y.size), y, away, beyond_line, length)]:
             found |= set(range(k + 1, k + 1 + length))
@@ -201,9 +216,16 @@ def _steps(y: Array) -> Array:
     return steps
 
 
-def _unusual(away: Array) -> float:
-    """Return from where on a departure (T,) is beyond noise and beyond what else happens."""
-    return float(max(MIN_OUTLIER_DEVIATIONS * np.median(away) / 0.6745, BEYOND * np.quantile(away, USUAL)))
+def _unusual(away: Array, length: int) -> float:
+    """Return from where on a departure (T,) of so many samples is beyond noise and beyond what else happens, the few
+    largest aside: in a short record they and the samples beside them, which depart from them, would be usual.
+    """
+    rest = away.copy()
+    for _ in range(MAX_FEW_OUTLIERS):
+        peak = int(np.nanargmax(rest))
+        rest[max(peak - length, 0) : peak + length + 1] = np.nan
+    usual = np.nanquantile(rest, USUAL)
+    return float(max(MIN_OUTLIER_DEVIATIONS * np.median(away) / 0.6745, BEYOND * usual))
 
 
 def _off_at_the_end(y: Array, least: float) -> int:
@@ -211,8 +233,8 @@ def _off_at_the_end(y: Array, least: float) -> int:
     count = 0
     for length in range(1, MAX_OUTLIER_RUN + 1):
         away = np.abs(y[1 + length :] - (y[1:-length] + length * (y[1:-length] - y[: -length - 1])))
-        count = length if away[-1] > max(_unusual(away[:-1]), least) else count
+        count = length if away[-1] > max(_unusual(away[:-1], length), least) else count
     return count
 
 
-__all__ = ["wild", "without_outliers"]
+__all__ = ["wild", "wild_inputs", "without_outliers"]

@@ -23,6 +23,15 @@ _WEAKEST, _STRONGEST = -6.0, 8.0
 """Powers of ten of the smoothing, times in steps: from every sample met to a straight line through a hundred."""
 
 
+def rate_of(t: Array, values: Array, effort: Array | None = None) -> tuple[Array, float, bool]:
+    """Return the rate (T,) of a quantity (T,) at t (T,) s, the noise taken out of it, in its unit, and whether it is
+    one that was held from sample to sample, as an ``effort`` (T,) that goes with it tells.
+    """
+    smooth, noise = slope(t, values)
+    steps = None if effort is None else held_slope(t, values, smooth, effort)
+    return (smooth, noise, False) if steps is None else (steps, noise, True)
+
+
 def slope(t: Array, values: Array) -> tuple[Array, float]:
     """Return the rate (T,) of a quantity (T,) at t (T,) s, and the noise taken out of it, in its unit.
 
@@ -94,4 +103,4 @@ def _smoothing(times: Array, counts: Array) -> float:
     return float(10.0 ** brentq(excess, _WEAKEST, _STRONGEST, xtol=0.05)) if excess(_WEAKEST) < 0 else 0.0
 
 
-__all__ = ["held_slope", "slope"]
+__all__ = ["held_slope", "rate_of", "slope"]

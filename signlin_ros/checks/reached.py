@@ -1,0 +1,75 @@
+"""Whether what an input is said to have done for a moment is what drove the motion."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.checks.base import with_channel
+from signlin_ros.checks.look import Look
+from signlin_ros.checks.observer import follow
+
+Array = NDArray[np.float64]
+
+ANSWER_SAMPLES = 10
+"""So many samples after it, what the input did for a moment has been answered."""
+MIN_ANSWER = 5.0
+"""Least size of an answer that is missed where there is none, in standard deviations of what the observer leaves."""
+NORMAL_QUARTILE = 0.6745
+
+
+def never_reached(look: Look, name: str, values: Array) -> NDArray[np.bool_]:
+    """Return which (T,) of the runs of samples in which an input differs from ``values`` (T,) have not driven the
+    motion: it goes on as if the input had been these.
+
+    The change of the innovations from sample to sample is regressed on the answer to each run, which is 1 where nothing
+    of it reached the machine, and 0 where all did. Errors of the model that last for longer than a sample, as friction,
+    hardly show in that. The answer to all the rest must be in there, or the input's unit or sign is in doubt. One
+    observer follows both: one that is made for wild inputs would believe the sensors alone.
+    """
+    found = np.zeros(values.size, dtype=np.bool_)
+    other = follow(look.base, with_channel(look.record, name, values), look.channels) if look.base else None
+    as_said = follow(look.base, look.record, look.channels) if look.base and other else None
+    if other is None or as_said is None:
+        return found
+    j = look.record.inputs.index(name)
+    kept = np.where(np.arange(other.u.shape[1]) == j, 0.0, other.u)
+    three = [replace(other, u=u).innovations() for u in (as_said.u, other.u, kept)]
+    changes, rest, without = (np.diff(one, axis=0, prepend=one[:1]) for one in three)
+    usual = np.median(np.abs(changes), axis=0) / NORMAL_QUARTILE
+    told = usual > 0.0
+    changes, rest, without = (one[:, told] / usual[told] for one in (changes, rest, without))
+    answers, whole = changes - rest, rest - without
+    of, size = _runs(as_said.u[:, j] != other.u[:, j])
+    ends = np.minimum(np.minimum(size + ANSWER_SAMPLES, np.append(of[1:], changes.shape[0])), changes.shape[0])
+    elsewhere = ~_marked(changes.shape[0], of, ends)
+    if not 2.0 * abs(float(np.sum((rest * whole)[elsewhere]))) < float(np.sum(whole[elsewhere] ** 2)):
+        return found
+    sums = np.cumsum(np.stack([np.sum(changes * answers, axis=1), np.sum(answers**2, axis=1)]), axis=1)
+    sums = np.concatenate([np.zeros((2, 1)), sums], axis=1)
+    both, own = (one[ends] - one[of] for one in sums)
+    missed = (own > MIN_ANSWER**2) & (2.0 * np.abs(both - own) < own)
+    begins, after = _runs(values != look.of(name))
+    for first, last, t in zip(begins, after, look.t[begins], strict=True):
+        at = np.flatnonzero(np.abs(as_said.t[of] - t) < 0.5 * as_said.step)
+        found[first:last] = bool(at.size) and bool(missed[at[0]])
+    return found
+
+
+def _marked(size: int, begins: NDArray[np.intp], ends: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Return the samples (size,) of runs that begin and have ended somewhere."""
+    edges = np.zeros(size + 1, dtype=np.intp)
+    np.add.at(edges, begins, 1)
+    np.add.at(edges, ends, -1)
+    return np.asarray(np.cumsum(edges)[:-1] > 0)
+
+
+def _runs(there: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return where the runs of a mask (T,) begin, and where they have ended."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], there, [False]]).astype(np.int8)))
+    return edges[::2], edges[1::2]
+
+
+__all__ = ["never_reached"]
