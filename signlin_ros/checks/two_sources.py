@@ -28,6 +28,8 @@ BRIEF, BURST = 3, 30
 noise: so long a reading may fail."""
 SUDDEN = 2.0
 """How much larger than the usual change (its 90 % quantile) the step into a burst is."""
+FEW_ARE_LARGER = 0.995
+"""Quantile of its changes beyond which a step to 0 is one of them, once it is known that zeros are."""
 SOURCE_COUNTS = (2, 3, 4)
 """Numbers of sources that are looked for."""
 SMOOTHER = 0.05
@@ -146,13 +148,15 @@ def _zeros(values: Array, longest: int = BRIEF) -> NDArray[np.bool_] | None:
         return None
     found = np.zeros(values.size, dtype=bool)
     never = noise.quantum == 0.0 and sigma > 0.0  # its noise makes no exact 0
-    found[at[(wide <= longest) if never and longest > BRIEF else brief]] = True
+    ordinary = np.abs(np.diff(values[rest]))[np.diff(rest) == 1]
+    sudden = (wide <= longest) & (np.maximum(np.abs(before), np.abs(after)) > np.quantile(ordinary, FEW_ARE_LARGER))
+    found[at[(wide <= longest) if never and longest > BRIEF else brief | (sudden & (longest > BRIEF))]] = True
     return found
 
 
 def _between_equals(look: Look, name: str) -> NDArray[np.bool_] | None:
-    """Return where (T,) an input is 0 for a while between values that are the same, and the motion does not follow: a
-    command that is held has no noise to tell such zeros by. None where they are few.
+    """Return where (T,) an input is 0 for a while, often between values that are the same, and the motion does not
+    follow: a command that is held has no noise to tell such zeros by. None where they are few.
     """
     values = look.of(name)
     rest, at = np.flatnonzero(values != 0.0), np.flatnonzero(values == 0.0)
@@ -161,10 +165,10 @@ def _between_equals(look: Look, name: str) -> NDArray[np.bool_] | None:
     k = np.searchsorted(rest, at)
     inside = (k > 0) & (k < rest.size)
     at, before, after = at[inside], rest[k[inside] - 1], rest[k[inside]]
-    found = np.zeros(values.size, dtype=np.bool_)
-    found[at[(values[before] == values[after]) & (after - before <= BURST)]] = True
-    if found.sum() < MIN_ZEROS:
+    found, brief = np.zeros(values.size, dtype=np.bool_), after - before <= BURST
+    if np.count_nonzero(brief & (values[before] == values[after])) < MIN_ZEROS:
         return None
+    found[at[brief]] = True
     found = never_reached(look, name, filled_in(look.t, values, found)[0])
     return found if found.sum() >= MIN_ZEROS else None
 
