@@ -20,42 +20,44 @@ MIN_ANSWER = 5.0
 NORMAL_QUARTILE = 0.6745
 
 
-def never_reached(look: Look, name: str, values: Array) -> NDArray[np.bool_]:
+def never_reached(look: Look, name: str, values: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return which (T,) of the runs of samples in which an input differs from ``values`` (T,) have not driven the
-    motion: it goes on as if the input had been these.
+    motion, which goes on as if the input had been these; and which (T,) are too small to tell.
 
     The change of the innovations from sample to sample is regressed on the answer to each run, which is 1 where nothing
     of it reached the machine, and 0 where all did. Errors of the model that last for longer than a sample, as friction,
     hardly show in that. The answer to all the rest must be in there, or the input's unit or sign is in doubt. One
     observer follows both: one that is made for wild inputs would believe the sensors alone.
     """
-    found = np.zeros(values.size, dtype=np.bool_)
+    found, small = np.zeros(values.size, dtype=np.bool_), values != look.of(name)
     other = follow(look.base, with_channel(look.record, name, values), look.channels) if look.base else None
     as_said = follow(look.base, look.record, look.channels) if look.base and other else None
     if other is None or as_said is None:
-        return found
+        return found, small
     j = look.record.inputs.index(name)
     kept = np.where(np.arange(other.u.shape[1]) == j, 0.0, other.u)
     three = [replace(other, u=u).innovations() for u in (as_said.u, other.u, kept)]
     changes, rest, without = (np.diff(one, axis=0, prepend=one[:1]) for one in three)
     usual = np.median(np.abs(changes), axis=0) / NORMAL_QUARTILE
-    told = usual > 0.0
-    changes, rest, without = (one[:, told] / usual[told] for one in (changes, rest, without))
+    noisy = usual > 0.0
+    changes, rest, without = (one[:, noisy] / usual[noisy] for one in (changes, rest, without))
     answers, whole = changes - rest, rest - without
     of, size = _runs(as_said.u[:, j] != other.u[:, j])
     ends = np.minimum(np.minimum(size + ANSWER_SAMPLES, np.append(of[1:], changes.shape[0])), changes.shape[0])
     elsewhere = ~_marked(changes.shape[0], of, ends)
     if not 2.0 * abs(float(np.sum((rest * whole)[elsewhere]))) < float(np.sum(whole[elsewhere] ** 2)):
-        return found
+        return found, small
     sums = np.cumsum(np.stack([np.sum(changes * answers, axis=1), np.sum(answers**2, axis=1)]), axis=1)
     sums = np.concatenate([np.zeros((2, 1)), sums], axis=1)
     both, own = (one[ends] - one[of] for one in sums)
-    missed = (own > MIN_ANSWER**2) & (2.0 * np.abs(both - own) < own)
+    told = own > MIN_ANSWER**2
+    missed = told & (2.0 * np.abs(both - own) < own)
     begins, after = _runs(values != look.of(name))
     for first, last, t in zip(begins, after, look.t[begins], strict=True):
         at = np.flatnonzero(np.abs(as_said.t[of] - t) < 0.5 * as_said.step)
-        found[first:last] = bool(at.size) and bool(missed[at[0]])
-    return found
+        if at.size:
+            found[first:last], small[first:last] = missed[at[0]], not told[at[0]]
+    return found, small
 
 
 def _marked(size: int, begins: NDArray[np.intp], ends: NDArray[np.intp]) -> NDArray[np.bool_]:

@@ -165,12 +165,13 @@ def _between_equals(look: Look, name: str) -> NDArray[np.bool_] | None:
     k = np.searchsorted(rest, at)
     inside = (k > 0) & (k < rest.size)
     at, before, after = at[inside], rest[k[inside] - 1], rest[k[inside]]
-    found, brief = np.zeros(values.size, dtype=np.bool_), after - before <= BURST
-    if np.count_nonzero(brief & (values[before] == values[after])) < MIN_ZEROS:
+    brief, equal = np.zeros(values.size, dtype=np.bool_), np.zeros(values.size, dtype=np.bool_)
+    brief[at] = after - before <= BURST
+    equal[at] = brief[at] & (values[before] == values[after])
+    if equal.sum() < MIN_ZEROS:
         return None
-    found[at[brief]] = True
-    found = never_reached(look, name, filled_in(look.t, values, found)[0])
-    return found if found.sum() >= MIN_ZEROS else None
+    missed, small = never_reached(look, name, filled_in(look.t, values, brief)[0])
+    return missed | (small & equal) if missed.sum() >= MIN_ZEROS else None
 
 
 def _turns(values: Array) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -40,6 +41,8 @@ MAX_GUESS = math.log(10.0)
 MAX_FRICTION_RATIO = 50.0
 """Times all that the model knows of that dry friction may be: of a drive that needs more, nobody would model the rest.
 """
+FACTOR_TOLD = 0.05
+"""Part by which a unit misses the factor that forces tell, from which on both are told."""
 TOLERANCE_PARTS = (-1.0, -0.5, 0.5, 1.0)
 """Of its tolerance, by which a guess may be off."""
 
@@ -171,8 +174,17 @@ def _by_force(
     other = [one for one in fits if one[1].far_fetched and (alone or len(one[1].divided) > 1)]
     kept = [one for one in fits if one not in (*of_effort, *other) or _near(_times(one[1], looks[0]), scale)]
     if not of_effort or (kept and not all(r.far_fetched for _, r in kept)):
-        return kept
+        return [(left, _beside(r, name, scale) if (left, r) in of_effort else r) for left, r in kept]
     return [*(one for one in kept if one not in of_effort), (p.left({name: 1.0 / scale}), gear(looks[0], name, scale))]
+
+
+def _beside(r: Reading, effort: str, scale: float) -> Reading:
+    """Return a reading of an effort in another unit, with what its forces say where that is not quite the same."""
+    unit = r.divided[effort]
+    if abs(scale / unit - 1.0) < FACTOR_TOLD:
+        return r
+    told = f"{r.words} (multiplied by {1.0 / unit:.3g}; by what moves the inertia, by {1.0 / scale:.3g})"
+    return replace(r, words=told)
 
 
 def _times(r: Reading, look: Look) -> float:

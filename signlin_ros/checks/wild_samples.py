@@ -49,7 +49,7 @@ class WildSamples(Check):
                 yield self._finding(look, name, off, _left_out(look, name, off), ("it is", "they are"), "left out")
         for name in (n for n in look.record.inputs if n not in look.told and not _derived(look.record, n)):
             off = wild_inputs(look.t, look.of(name))
-            off = never_reached(look, name, filled_in(look.t, look.of(name), off)[0]) if off.any() else off
+            off = never_reached(look, name, filled_in(look.t, look.of(name), off)[0])[0] if off.any() else off
             if off.any():
                 filled, between = filled_in(look.t, look.of(name), off)
                 what = "taken from the line between its neighbours" if between else "taken as the value before it"

@@ -126,7 +126,8 @@ def _set_apart(
         floor = np.maximum(MIN_OUTLIER_DEVIATIONS * float(np.median(away)) / 0.6745, least[1 + peaks])
         last = np.arange(1, sizes.size + 1)
         beyond = (sizes > floor) & (sizes > BEYOND * after) & (last > few) & (last <= MAX_WILD_SHARE * y.size)
-        beyond &= (sizes.size - last >= np.maximum(last, others)) if others else True
+        known = np.count_nonzero((away > 0.0) & (away >= maximum_filter1d(away, 2 * length + 1)))
+        beyond &= (known - last >= np.maximum(last, others)) if others else True
         if not beyond.any():
             continue
         limit = sizes[beyond].min()
