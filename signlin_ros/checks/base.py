@@ -149,14 +149,15 @@ def set_to(look: Look, name: str, values: Array) -> Callable[[ModelData], ModelD
 
 def without_samples(look: Look, names: tuple[str, ...], drop: NDArray[np.bool_]) -> Callable[[ModelData], ModelData]:
     """Return the cure that makes samples (T,) of channels missing; rows that then hold nothing, not even a change of
-    the input, are left out.
+    a command that is held for some of them, are left out.
     """
 
     def cure(record: ModelData) -> ModelData:
         off = drop[np.isin(look.t, record.t)]  # another cure may have left rows out before
         measured = {n: frozen(np.where(off, np.nan, v)) if n in names else v for n, v in record.measured.items()}
         kept = np.isfinite(np.stack(list(measured.values()))).any(axis=0)
-        kept |= np.any(np.diff(record.u, axis=0, prepend=record.u[:1]) != 0.0, axis=1)
+        new = np.diff(record.u, axis=0, prepend=record.u[:1]) != 0.0
+        kept |= np.any(new[:, 2.0 * new.sum(axis=0) < len(new)], axis=1)
         measured = {n: frozen(v[kept]) for n, v in measured.items()}
         rest = timed(record, lambda stamps: stamps[kept])
         return replace(rest, u=frozen(record.u[kept]), measured=measured, x0=_start(measured, record.states))
