@@ -334,9 +334,13 @@ class Evidence:
         """Tell whether a model has one law at most and leaves only noise: then no other law is fitted."""
         return len(f.effects) < 2 and self.explains_to_noise(f)
 
-    def unidentified(self) -> dict[str, str]:
-        """Return the single laws that leave only noise, and why the records do not identify them all the same."""
+    def unidentified(self, beside: FittedModel) -> dict[str, str]:
+        """Return the single laws that leave only noise, and why the records do not identify them all the same; of those
+        that another model surely beats on validation data none: noise that is allowed for hides what they leave.
+        """
+        least = self.criteria.min_t
         fits = [f for f in self.single_effect_fits if self.explains_to_noise(f)]
+        fits = [f for f in fits if self.output_error.t_ratio(f, beside) < least]
         return {f.effects[0]: why for f in fits if (why := self.output_error.not_identifiable(f))}
 
 

@@ -83,7 +83,7 @@ def select_model(evidence: Evidence) -> Selection:
     other = sufficient_law(evidence, proposal) or better_option(evidence, proposal, options)
     proposal = reduced(evidence, other) if other else proposal
     proposal = evidence.with_better_values(proposal)
-    if proposal.implausible or (not evidence.explains_to_noise(proposal) and evidence.unidentified()):
+    if proposal.implausible or (not evidence.explains_to_noise(proposal) and evidence.unidentified(proposal)):
         proposal = evidence.base
     fit_sensor_errors(evidence, proposal)
     return Selection(proposal, "" if other else conflict)

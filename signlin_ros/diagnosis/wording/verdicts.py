@@ -157,7 +157,7 @@ def _unsure(evidence: Evidence, verdict: Verdict) -> str:
     one that would leave but noise, and of which the records hold too little.
     """
     motion, c, found = evidence.output_error, evidence.criteria, dict[str, float]()
-    if whole := evidence.unidentified():
+    if whole := evidence.unidentified(verdict.final):
         name, why = next(iter(whole.items()))
         return phrases.too_little(f"{listed([name])} would leave nothing but noise", why)
     for f in sorted(evidence.single_effect_fits, key=lambda f: f.n_parameters):
