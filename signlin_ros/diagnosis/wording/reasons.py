@@ -21,7 +21,9 @@ REASONS = {
     "conflict": Reason(rejects=True),
     "lost": Reason(),
     "worse": Reason(
-        " would lower an error, but that of {v.worse} rises on validation data: nothing is confirmed.", rejects=True
+        " would lower an error, but that of {v.worse} rises on validation data: nothing is confirmed.",
+        rejects=True,
+        untold="an error on validation data rises with it",
     ),
     "given": Reason(
         ": beside the refitted model {falls}, but the error {changes} beside the model as given, which is too little: "
