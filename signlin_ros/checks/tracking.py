@@ -67,7 +67,8 @@ def tracks(pairs: Pairs, strict: float) -> bool:
 
 def proportion(pairs: Pairs) -> float | None:
     """Return by what a channel is larger than the number of an input that it follows, or settles at, wherever each of
-    both is zero; None where it does not.
+    both is zero; None where it does not. What follows is late: an input that is opposite to the channel of its own row
+    was computed from it, as a proportional controller does.
     """
     ends = _settling([_ends(u, x) for _, u, x in pairs])
     if ends is not None and abs(_correlation(*ends)) > STRICTLY_AGREE:
@@ -81,6 +82,8 @@ def proportion(pairs: Pairs) -> float | None:
         gain = float(np.copysign(shown.std() / given.std(), given @ shown))
         followed, size = _best(gain * given, shown, look.step), float(shown @ shown)
         if not min(size, float(followed @ followed)) > 0.0:  # too small for a square
+            return None
+        if gain < 0.0 and np.array_equal(followed, gain * given):
             return None
         whole, left = whole + size, left + size * (1.0 - _correlation(followed, shown) ** 2)
         slopes.append(gain * float(followed @ shown) / float(followed @ followed))

@@ -57,6 +57,18 @@ def test_a_command_of_position_in_units_of_its_own(gain: float) -> None:
     assert f"{gain:.3g} times the number of the force (column 'pulse_us')" in found.sentence
 
 
+def test_what_a_proportional_controller_puts_out_is_no_command() -> None:
+    goal, gain, q, v = np.repeat([0.4, -0.9, 0.7, 0.1], SAMPLES // 4), 0.06, 0.0, 0.0
+    u, x = np.empty(SAMPLES), np.empty(SAMPLES)
+    for k, wanted in enumerate(goal):
+        u[k], x[k] = gain * (wanted - q), q
+        for _ in range(10):
+            v += 0.1 * STEP * (u[k] - 0.05 * v) / 0.02
+            q += 0.1 * STEP * v
+    for part in (slice(0, SAMPLES // 4), slice(SAMPLES // 4, SAMPLES // 2)):
+        assert not refused(DRIVE, record(DRIVE, u[part], {"displacement": x[part]}, "c1"))
+
+
 @pytest.mark.parametrize(
     "label", ["pulse [N·m]", "motor torque", "force", "0.045 * iq", "14.4 * i_q", "37.0 * p_kPa", "2 * (pA - pB)"]
 )
