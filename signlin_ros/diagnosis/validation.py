@@ -258,10 +258,20 @@ class ValidationTests:
             return False
         evidence = self.evidence
         little = self.percent <= evidence.force_noise_percent and evidence.near_noise(self.final)
-        within = self.final.validation_rmse <= np.maximum(
-            self.output_error.validation.noise, self.dataset.training.quanta / 2
-        )
-        return bool(little or (not evidence.force_shows(self.final) and np.all(within)))
+        return bool(little or (not evidence.force_shows(self.final) and self._errs_within_noise))
+
+    @property
+    def near_white_noise(self) -> bool:
+        """Whether every channel errs by about its noise, and what is left is white. Where samples are too few to test
+        that and nothing is named, twice the noise may be anything: then by no more than it, or half a sensor's step.
+        """
+        tested = bool(self.names) or self.final.residual_is_noise or self._errs_within_noise
+        return self.evidence.near_noise(self.final) and self.final.white and tested
+
+    @property
+    def _errs_within_noise(self) -> bool:
+        within = np.maximum(self.output_error.validation.noise, self.dataset.training.quanta / 2)
+        return bool(np.all(self.final.validation_rmse <= within))
 
     @property
     def leaves_much_force(self) -> bool:

@@ -107,16 +107,17 @@ def reason_of(tests: ValidationTests, conflict: str = "") -> str:
 def _reason_by_force(tests: ValidationTests) -> str:
     """Return the reason where the force residual is above its noise floor: its size and structure count.
 
-    Without a named effect a residual from `min_missing_share` on must be tested noise, or near the sensors' and white;
-    with one, no more than a quarter of the force may be left with structure in the motion, nor that part of the effort
-    where the residual follows from the model's own motion; near the noise it must be white, or the steps of a sensor.
+    Without a named effect a residual from `min_missing_share` on must be tested noise, or near the sensors' and white,
+    within theirs where samples are too few to test it; with one, no more than a quarter of the force may be left with
+    structure in the motion, nor that part of the effort where the residual follows from the model's own motion; near
+    the noise it must be white, or the steps of a sensor.
     """
     final, near = tests.final, tests.evidence.near_noise(tests.final)
     largest = max(tests.percent or 0.0, tests.unpredicted)
     large = not tests.names and largest > tests.criteria.missing_percent
     if large and tests.generalizes_badly:
         return "elsewhere"
-    noise = (final.residual_is_noise and (not large or tests.follows)) or (near and final.white)
+    noise = (final.residual_is_noise and (not large or tests.follows)) or tests.near_white_noise
     seen = (large or tests.flexible.visible) and not noise
     more = tests.leaves_much_force or tests.leaves_more_of_motion or tests.changing or tests.has_idle_law()
     structured = not final.white and ((near and not tests.of_steps) or more)

@@ -404,3 +404,12 @@ def test_a_larger_model_starts_from_what_the_smaller_one_arrived_at():
         here = evaluated(found.short, c, theta, found.base.fit.gains)
         assert here is not None
         assert here.objective == pytest.approx(found.base.fit.objective, abs=1e-3 * abs(found.base.fit.objective))
+
+
+def test_a_wave_over_an_unmeasured_position_of_several_records_is_believed_beside_noise_alone():
+    more = {"wave": {**WAVE, "N": 60.0}, "coulomb_friction": {"mu": 2.0}}
+    truth, base = Model.from_dict({**BASE, "effects": more}), Model.from_dict(BASE)
+    drives = [replace(record(truth, n, channels=("velocity",)), source=f"{n}.csv") for n in (1, 2)]
+    found = estimator_of(*prepared(base, drives[:1], drives[1:]), Criteria(), FitCache(), jobs=1)
+    assert "displacement was not measured" in found.refusal(found.base, found.fitted(["cogging_torque"]))
+    assert not found.refusal(found.base, found.fitted(["cogging_torque", "coulomb_friction"]))

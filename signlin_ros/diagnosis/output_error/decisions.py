@@ -101,8 +101,8 @@ class Decisions:
 
         A limit that was always passed; a delay below what the instant of a sample is known to; a wave too fast for the
         samples; several waves of which the longest has not one period in the record, since their sum is any curve then;
-        and, unless the residual is tested noise, a zero beyond the travel of an unmeasured position, or a wave of too
-        few periods.
+        and, unless the residual is tested noise, a zero beyond the travel of an unmeasured position, a wave of too few
+        periods, or one of whose phase nobody knows where each of several records begins.
         """
         for key, use in f.added.items():
             if not EFFECTS[use.type].is_met(use.parameters, *self.training.position_range):
@@ -115,7 +115,19 @@ class Decisions:
         any_curve = {k: n for k, n in few.items() if EFFECTS[f.added[k].type].several and n < self.criteria.min_turns}
         if f.residual_is_noise and f.within_noise(self.criteria.max_rmse_over_noise) and not any_curve:
             return ""
-        return self._beyond_travel(f) or next((phrases.few_waves(key, n) for key, n in few.items()), "")
+        too_few = next((phrases.few_waves(key, n) for key, n in few.items()), "")
+        return self._beyond_travel(f) or too_few or self._phase_unknown(f)
+
+    def _phase_unknown(self, f: FittedModel) -> str:
+        """Return a wave over a position that was not measured, in words, of several records: where in its period a
+        record begins is then as good as fitted to that record, and holds the machine there like anything that is late.
+        """
+        place = self.training.plant.position
+        sources = {s.source for side in (self.training, self.validation) for s in side.segments}
+        if place in self.training.channels or len(sources) < 2:
+            return ""
+        waves = (key for key, use in f.added.items() if EFFECTS[use.type].periodic or EFFECTS[use.type].several)
+        return next((phrases.phase_unknown(key, place) for key in waves), "")
 
     def unresolved(self, f: FittedModel) -> str:
         """Return which effect is quicker than the samples can show, in words; empty where none is."""

@@ -57,6 +57,11 @@ def too_little(what: str, why: str) -> str:
     return f"Too little was recorded to tell what is missing: {what}, but {why}"
 
 
+UNTESTED = (
+    "Too little was recorded to tell whether something is missing: samples are too few to test that what is left is "
+    "noise"
+)
+
 # -------------------------------------------------------------------- one parameter, one effect
 
 AT_BOUND = "at its bound"
@@ -141,6 +146,11 @@ def rounded(channel: str, offset: float, step: float, unit: str) -> str:
 def few_waves(key: str, periods: float) -> str:
     """Return that the records hold too few periods of a wave."""
     return f"the records hold {periods:.1f} periods of {key}"
+
+
+def phase_unknown(key: str, place: str) -> str:
+    """Return that records of which nobody measured the position do not tell a wave over it."""
+    return f"{place} was not measured: where in a period of {key} each record begins is not known"
 
 
 def wave_too_fast(key: str) -> str:

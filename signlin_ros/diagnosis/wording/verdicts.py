@@ -154,7 +154,7 @@ def _reaches(problem: Problem) -> dict[str, tuple[float, float]]:
 
 def _unsure(evidence: Evidence, verdict: Verdict) -> str:
     """Return which effects alone take most of what is missing away, of a force that is seen too, but not surely; or
-    one that would leave but noise, and of which the records hold too little.
+    one that would leave but noise, and of which the records hold too little; or that they hold too little altogether.
     """
     motion, c, found = evidence.output_error, evidence.criteria, dict[str, float]()
     if whole := evidence.unidentified(verdict.final):
@@ -169,7 +169,9 @@ def _unsure(evidence: Evidence, verdict: Verdict) -> str:
         if g.mse_reduction > HALF and 0.0 < certainty < c.min_t and not g.worsens(c):
             found[f.effects[0]] = certainty
     if not found:
-        return ""
+        final = verdict.final
+        untested = not verdict.names and final.white and not final.residual_is_noise and evidence.near_noise(final)
+        return phrases.UNTESTED if untested else ""
     names = list(found)[:MAX_UNSURE_EFFECTS]
     surely = phrases.change(max(found[n] for n in names), c.min_t, "at most " if len(names) > 1 else "")
     told = " or ".join(listed([n]) for n in names)
