@@ -81,7 +81,7 @@ def wild(record: ModelData, name: str, inert: bool = True) -> NDArray[np.bool_]:
         for there in _stretches(record.t, y, found):
             stepping = _stepping(record.u[there])
             parts = [
-                _set_apart(there, y[there], calm, 0 if before else MAX_FEW_OUTLIERS, leaping=not inert)
+                _set_apart(there, y[there], calm, 0 if before else MAX_FEW_OUTLIERS)
                 for calm in ((~stepping, stepping | ~stepping) if inert else (~stepping,))
             ]
             found[there[np.concatenate(parts)]] = True
@@ -109,12 +109,12 @@ def _stretches(t: Array, y: Array, out: NDArray[np.bool_]) -> list[Index]:
 
 
 def _set_apart(
-    at: Index, y: Array, calm: NDArray[np.bool_], few: int, others: int = MIN_MOTION_PEAKS, leaping: bool = False
+    at: Index, y: Array, calm: NDArray[np.bool_], few: int, others: int = MIN_MOTION_PEAKS
 ) -> NDArray[np.intp]:
     """Return the samples of y (T,), where it is ``calm``, that depart from both neighbours and come back, further than
     all others: between the least of them, more than ``few``, and the next peak of the motion is a factor `BEYOND`.
     ``at`` (T,): places of the samples, between which others may be left out; ``others``: peaks that there are at least
-    besides, and as many as are found; 0: none. ``leaping``: it leaps with the input.
+    besides, and as many as are found; 0: none.
     """
     least, found = MIN_OUTLIER_STEPS * _steps(y), np.zeros(y.size, dtype=np.bool_)
     for length in range(1, PAIR + 1):
@@ -126,9 +126,7 @@ def _set_apart(
         floor = np.maximum(MIN_OUTLIER_DEVIATIONS * float(np.median(away)) / 0.6745, least[1 + peaks])
         last = np.arange(1, sizes.size + 1)
         beyond = (sizes > floor) & (sizes > BEYOND * after) & (last > few) & (last <= MAX_WILD_SHARE * y.size)
-        every = judged if leaping else away > 0.0  # what leaps has corners, which are no peaks
-        known = np.count_nonzero(every & (away >= maximum_filter1d(np.where(every, away, 0.0), 2 * length + 1)))
-        beyond &= (known - last >= np.maximum(last, others)) if others else True
+        beyond &= (sizes.size - last >= np.maximum(last, others)) if others else True
         if not beyond.any():
             continue
         limit = sizes[beyond].min()

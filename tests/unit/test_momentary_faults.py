@@ -50,7 +50,7 @@ def damper(seed: int = 1) -> ModelData:
     x = 0.01 * np.sin(9.0 * t) + 0.004 * np.sin(31.0 * t + 1.0)
     v = np.gradient(x, t)
     force = DAMPER.parameters["c"] * v + 50.0 * np.sign(v) + 2.0 * rng.normal(size=SAMPLES)
-    measured = {"displacement": x + 1e-6 * rng.normal(size=SAMPLES), "force": force}
+    measured = {"displacement": x + 3e-5 * rng.normal(size=SAMPLES), "force": force}
     notes = (Note("velocity is the derivative of a spline through displacement", "derived", "velocity"),)
     names = DAMPER.inputs, DAMPER.states, dict(DAMPER.units)
     return ModelData(t, v[:, None], measured, None, *names, "damper.csv", notes=notes)
@@ -167,7 +167,7 @@ def test_readings_that_failed_together_leave_the_input_as_it_was() -> None:
 def test_a_wrapped_angle_with_lost_readings_is_unwrapped() -> None:
     model = Model.load("mass_spring_damper").without_effect("coulomb_friction").with_parameters(k=0.0)
     t = np.arange(SAMPLES) * STEP
-    q = 9.0 * np.sin(0.7 * t) + 1e-4 * np.random.default_rng(1).normal(size=SAMPLES)
+    q = 9.0 * np.sin(0.7 * t) + 0.03 * np.random.default_rng(1).normal(size=SAMPLES)
     told, at = with_spikes(np.mod(q, 2.0 * np.pi), 50.0, 6)
     units = {**model.units, "force": "N·m", "displacement": "rad", "velocity": "rad/s"}
     u = np.cos(0.7 * t)[:, None]
