@@ -48,7 +48,7 @@ def as_good(study: Study, found: SearchResult) -> str:
 
 def study_notes(study: Study) -> list[str]:
     """Return sentences on the records, on friction that differs between them, and on faults of the URDF."""
-    in_time = [*lag_notes(study), *warmth_notes(study), *drift_notes(study)]
+    in_time = [*lag_notes(study), *warmth_notes(study), *drift_notes(study), *moving_notes(study)]
     return [*study.notes, *in_time, *_loaded_notes(study), *_urdf_notes(study)]
 
 
@@ -146,6 +146,25 @@ def drift_notes(study: Study) -> list[str]:
     said = "friction changes within the records (warm-up?)"
     allowed = "laws are judged beside that; the table is not, as a model has one friction at all times"
     return [f"{said}: {'; '.join(found)}; {allowed}"] if found else []
+
+
+def moving_notes(study: Study) -> list[str]:
+    """Return a sentence on the records along which gravity's direction changes."""
+    own = [f"{np.degrees(one.size):.2g}° ({Path(one.source).name})" for one in study.moving]
+    why = "a base that moves, or something that is picked up or put down on the way"
+    wrong = "the equations have neither, so bodies and laws that are told of these records are in question"
+    return [f"gravity's direction changes along the record, by up to {', '.join(own)}: {why}; {wrong}"] if own else []
+
+
+def heavier_notes(diagnosis: ArmDiagnosis) -> list[str]:
+    """Return a sentence on the body that is heavier, or lighter, than in the URDF beyond doubt, as a whole."""
+    study, found = diagnosis.comparison.study, diagnosis.heaviness
+    if found is None or not found.told or study.link_side:
+        return []
+    own = [f"{study.names[i]} {found.factors[i]:.3g} ± {found.errors[i]:.1g} times" for i in found.told]
+    others = f" (or {', '.join(own[1:])}: each by itself)" if own[1:] else ""
+    instead = ", instead of the payload as well" if diagnosis.payload else ""
+    return [f"bodies of the URDF: the records go with what is carried by {own[0]} as heavy as there{others}{instead}"]
 
 
 def resized_notes(diagnosis: ArmDiagnosis) -> list[str]:
@@ -301,6 +320,8 @@ __all__ = [
     "bent",
     "distance_notes",
     "drift_notes",
+    "heavier_notes",
+    "moving_notes",
     "name_of",
     "of_records",
     "payload_alone",

@@ -236,6 +236,28 @@ class RegressionRows:
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.asarray(np.sqrt(squares / count))
 
+    def by_time(self, values: Array) -> Array:
+        """Return values of rows (N,) instant by instant (R, n), NaN where a joint's row does not count."""
+        moving = np.concatenate([piece.moving for piece in self.pieces])
+        found = np.full(moving.shape, np.nan)
+        found[self._at] = values
+        return found
+
+    def of_times(self, values: Array) -> Array:
+        """Return the rows (N,) of values instant by instant (R, n)."""
+        return np.asarray(values[self._at])
+
+    @property
+    def _at(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """The instant and the joint of each row (N,)."""
+        starts = np.cumsum([0, *(len(piece.moving) for piece in self.pieces)])
+        own = [
+            (start, piece.moving[:, i])
+            for start, piece in zip(starts, self.pieces, strict=False)
+            for i in range(self.n)
+        ]
+        return np.concatenate([start + np.flatnonzero(moving) for start, moving in own]), self.joint
+
     @property
     def counts(self) -> NDArray[np.int64]:
         """Rows of each joint (n,)."""

@@ -390,7 +390,7 @@ def _stands(
     if key.law in BODIES_IMITATE:
         if not (sure and _relieved(estimate, trial, count) and worth > -0.01 * state.robot.n):
             return None
-        worth = max(worth, _drop(estimate, trial) / max(len(state.rows), 1))
+        worth = max(worth, drop(estimate, trial) / max(len(state.rows), 1))
     else:
         visible = np.nanmax(fall) if key.at < 0 or elsewhere else fall[key.at]
         if not (sure and visible > MIN_VALIDATION_SHARE and worth > 0.0 and _held(estimate, trial, promise, needed)):
@@ -445,7 +445,7 @@ def _fall(before: Array, after: Array) -> Array:
         return np.asarray(1.0 - (after / before) ** 2)
 
 
-def _drop(estimate: CoefficientEstimate, trial: CoefficientEstimate) -> float:
+def drop(estimate: CoefficientEstimate, trial: CoefficientEstimate) -> float:
     """Return by how much twice the objective falls, in units of what chance would make of it."""
     w = estimate.weights[estimate.rows.joint]
     r = (trial.residual * w)[:, None]
@@ -457,7 +457,7 @@ def _relieved(estimate: CoefficientEstimate, trial: CoefficientEstimate, count: 
     """Tell whether a law is what the inertial parameters were bent for: the squares and the distances from their
     priors together fall beyond doubt.
     """
-    return _drop(estimate, trial) > float(chi2.isf(DOUBT, count)) and trial.tension < estimate.tension
+    return drop(estimate, trial) > float(chi2.isf(DOUBT, count)) and trial.tension < estimate.tension
 
 
-__all__ = ["BASIC", "Key", "SearchResult", "State", "names_of", "needed_errors", "search", "settled"]
+__all__ = ["BASIC", "Key", "SearchResult", "State", "drop", "names_of", "needed_errors", "search", "settled"]

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from signlin_ros.arms.coupling import Ratio
 from signlin_ros.arms.distance import BodyDistance
 from signlin_ros.arms.foretold import foretold_json, forward_json, forward_text, speed_unit
 from signlin_ros.arms.keys import DELAY, GAIN, SEEN_ELSEWHERE, TILT, ZERO, SearchResult
@@ -15,6 +16,7 @@ from signlin_ros.arms.notes import (
     as_good,
     bent,
     distance_notes,
+    heavier_notes,
     name_of,
     of_records,
     payload_alone,
@@ -73,9 +75,15 @@ def diagnosed_json(diagnosis: ArmDiagnosis, text: str, source: str, data: list[s
     couplings = _known_couplings(study)
     couplings += [list(pair) for pair in diagnosis.couplings if not any(set(pair) <= set(known) for known in couplings)]
     content["robot"] = {"payload": payload, "gains": gains, "couplings": couplings}
-    content["robot"] |= {**_delays(diagnosis), **_zeros(diagnosis)}
+    content["robot"] |= {**_delays(diagnosis), **_zeros(diagnosis), **_ratios(diagnosis)}
     content["robot"] |= {"tilt": _tilt(diagnosis)} if _tilt(diagnosis) else {}
-    content["notes"] += [*resized_notes(diagnosis), *unwritten(diagnosis), *weighed_beside(diagnosis), *bent(diagnosis)]
+    content["notes"] += [
+        *heavier_notes(diagnosis),
+        *resized_notes(diagnosis),
+        *unwritten(diagnosis),
+        *weighed_beside(diagnosis),
+        *bent(diagnosis),
+    ]
     return {
         "verdict": verdict(diagnosis),
         **content,
@@ -104,7 +112,8 @@ def verdict(diagnosis: ArmDiagnosis) -> str:
     if diagnosis.only_payload and diagnosis.payload:
         value, error, _ = diagnosis.payload["m"]
         return "missing" if value > 3.0 * error else "adequate"
-    return "unexplained" if any(_unexplained(diagnosis.comparison)) else "adequate"
+    moving = bool(diagnosis.comparison.study.moving)
+    return "unexplained" if moving or any(_unexplained(diagnosis.comparison)) else "adequate"
 
 
 def _unexplained(comparison: ArmComparison) -> list[bool]:
@@ -190,7 +199,23 @@ def _too_small(diagnosis: ArmDiagnosis, i: int) -> list[str]:
         most, much = sizes[ZERO], float(np.inf) if joint.prismatic else 1.0
         less = f", by less than {most:.2g} {joint.position_unit}"
         found.append(f"whether the zero of its encoder is off{less if most < much else HARDLY}")
-    return found
+    return [*found, *_too_light(diagnosis, i)]
+
+
+def _too_light(diagnosis: ArmDiagnosis, i: int) -> list[str]:
+    """Return by how much heavier than in the URDF a joint's body may be and these records would not show it."""
+    heavy, study = diagnosis.heaviness, diagnosis.comparison.study
+    if heavy is None or i in study.barred or i in study.link_side or i in heavy.told or np.isnan(heavy.errors[i]):
+        return []
+    most, said = float(heavy.smallest[i]), "whether what it carries is heavier than the URDF says"
+    why = (
+        f"by less than {100.0 * most:.2g} %" if most < FAR else "its motor, a constant load or other bodies take it up"
+    )
+    return [f"{said}, {why}"]
+
+
+FAR = 3.0
+"""Times its mass from which on it is not told at all that a body is heavier."""
 
 
 def _scaled_along(diagnosis: ArmDiagnosis, i: int, share: float) -> str:
@@ -290,7 +315,8 @@ def _ranking(diagnosis: ArmDiagnosis) -> list[dict[str, Any]]:
         unit = speed_unit(study, at)
         entry["why"] += forward_text(witness, unit)
         entry["forward"] = forward_json(witness, unit)
-        if witness is not None and witness.says == "in question":
+        heavier = entry["effect"] == "payload" and diagnosis.heaviness is not None and bool(diagnosis.heaviness.told)
+        if heavier or (witness is not None and witness.says == "in question"):
             entry["status"] = "ambiguous"
     return entries
 
@@ -442,12 +468,29 @@ def _robot(diagnosis: ArmDiagnosis, told: Sequence[tuple[int, str]]) -> str:
 
 
 def _turning(diagnosis: ArmDiagnosis, a: str, b: str) -> str:
-    """Return which motors turn with both joints of a coupling that was found, and whose efforts are recorded."""
-    study, proposed = diagnosis.comparison.study, diagnosis.proposal.model.arm_plant
+    """Return which motors turn with both joints of a coupling, how much, and whose efforts are recorded."""
+    study = diagnosis.comparison.study
     i, j = (study.names.index(name) for name in (a, b))
-    both = proposed.motors[i, j] != 0.0 and proposed.motors[j, i] != 0.0
-    said = "both motors turn with both" if both else "one motor turns with both"
+    own = [ratio for ratio in diagnosis.ratios if ratio.pair == (i, j)]
+    said = "both motors turn with both" if len(own) > 1 else "one motor turns with both"
+    said += "".join(f"; {_ratio_said(study, ratio)}" for ratio in own if not ratio.whole)
     return f"{said}, and their efforts are the motors'" if study.model.arm_plant.at_motor[i] else said
+
+
+def _ratio_said(study: Study, ratio: Ratio) -> str:
+    """Return how much a motor turns with another joint, in what it turns with its own."""
+    motor, joint = study.names[ratio.motor], study.names[ratio.joint]
+    return f"that of {motor} {ratio.value:.3g} ± {ratio.error:.1g} times as much with {joint} as with its own joint"
+
+
+def _ratios(diagnosis: ArmDiagnosis) -> dict[str, Any]:
+    """Return how much motors turn with another joint than their own, in what they turn with that."""
+    names = diagnosis.comparison.study.names
+    found = [
+        {"motor": names[r.motor], "joint": names[r.joint], "ratio": _value(r.value, r.error, "-")}
+        for r in diagnosis.ratios
+    ]
+    return {"ratios": found} if found else {}
 
 
 HARDLY = ", as efforts hardly depend on its position"

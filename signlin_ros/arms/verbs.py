@@ -9,7 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.arms.ahead import WINDOW, Ahead, Witness, ahead, witnesses
-from signlin_ros.arms.coupling import at_joints, coupled_model, find_coupling, find_coupling_of_efforts
+from signlin_ros.arms.coupling import (
+    Ratio,
+    at_joints,
+    coupled_model,
+    find_coupling,
+    find_coupling_of_efforts,
+    settled_ratios,
+)
 from signlin_ros.arms.data import ArmRun
 from signlin_ros.arms.detectable import detectable
 from signlin_ros.arms.distance import BodyDistance, body_distance
@@ -17,10 +24,12 @@ from signlin_ros.arms.drift import Drift, drift
 from signlin_ros.arms.faults import FAULTS, Fault, faults, not_again, put_right, shows, told_with, unmade
 from signlin_ros.arms.fit import CoefficientEstimate, blocks, fit
 from signlin_ros.arms.forms import better_forms
+from signlin_ros.arms.heavier import Heaviness, heaviness
 from signlin_ros.arms.heldout import MIN_VALIDATION_ERRORS
 from signlin_ros.arms.keys import GAIN, SEEN_ELSEWHERE, Key, SearchResult, names_of
 from signlin_ros.arms.laws import BY_EFFECT, JointLaw, shapes
 from signlin_ros.arms.loaded import Loaded, loaded
+from signlin_ros.arms.moving import MovingBase, moving_bases
 from signlin_ros.arms.notes import paying
 from signlin_ros.arms.proposal import Proposal, proposal
 from signlin_ros.arms.relief import Relief, relief
@@ -86,9 +95,10 @@ class MissingLaw:
 class ArmDiagnosis:
     """What is missing: laws, couplings, effects that the file leaves out, and the model that is proposed.
 
-    ``detectable``: the smallest coefficients of laws that these records would show. ``ahead``: velocities foretold over
-    short windows by basic friction and by what is proposed; ``witnesses``: what those say of ``found`` and ``missing``;
-    ``relief``: what efforts behind the gears show beside bodies that exist, which is in the model that is proposed.
+    ``ratios``: of couplings that were found; ``detectable``: the smallest coefficients of laws that these records would
+    show. ``ahead``: velocities foretold over short windows by basic friction and by what is proposed; ``witnesses``:
+    what those say of ``found`` and ``missing``; ``relief``: what efforts behind the gears show beside bodies that
+    exist, which is in the model that is proposed; ``heaviness``: how many times as heavy as in the URDF bodies are.
     """
 
     comparison: ArmComparison
@@ -96,7 +106,7 @@ class ArmDiagnosis:
     estimate: CoefficientEstimate
     found: tuple[SearchResult, ...]
     missing: tuple[MissingLaw, ...]
-    couplings: tuple[tuple[str, str], ...]
+    ratios: tuple[Ratio, ...]
     proposal: Proposal
     payload: dict[str, tuple[float, float, str]] = field(default_factory=dict)
     only_payload: bool = False
@@ -104,6 +114,13 @@ class ArmDiagnosis:
     ahead: tuple[Ahead, Ahead] | None = None
     witnesses: tuple[Witness | None, ...] = ()
     relief: Relief | None = None
+    heaviness: Heaviness | None = None
+
+    @property
+    def couplings(self) -> tuple[tuple[str, str], ...]:
+        """The pairs of joints of couplings that were found, by name."""
+        names, pairs = self.comparison.study.names, dict.fromkeys(ratio.pair for ratio in self.ratios)
+        return tuple((names[a], names[b]) for a, b in pairs)
 
 
 def _quiet(_: str) -> None:
@@ -147,7 +164,7 @@ def _compared(found: Study) -> ArmComparison:
     all_data = settled(whole.state())  # the best numbers of basic friction, not a test
     found.loaded = whole.loaded = _loaded(whole, all_data)
     laws = in_file(found)
-    found.warmth, found.drift = _in_time(whole, laws)
+    found.warmth, found.drift, _ = _in_time(whole, laws)
     state = found.state()
     beside = settled(state) if state.own else basic
     bodies = body_distance(settled(replace(state, terms=laws)) if laws else beside)
@@ -161,18 +178,21 @@ def _loaded(whole: Study, all_data: CoefficientEstimate) -> Loaded | None:
     return loaded(all_data, whole.payload_place, MIN_COEFFICIENT_ERRORS, MIN_VALIDATION_SHARE)
 
 
-def _in_time(whole: Study, laws: Sequence[tuple[Key, JointLaw | None]]) -> tuple[Warmth | None, Drift | None]:
-    """Return by how much friction differs between the records of all rows beside some laws, None of one record, and by
-    how much it changes within them, None of efforts behind gears.
+def _in_time(
+    whole: Study, laws: Sequence[tuple[Key, JointLaw | None]], all_laws: bool = False
+) -> tuple[Warmth | None, Drift | None, tuple[MovingBase, ...]]:
+    """Return by how much friction differs between the records of all rows beside some laws, None of one record, by how
+    much it changes within them, and along which of them the base moves, beside all laws; None of efforts behind gears.
     """
     several, geared = len(sources_of(whole.rows)) > 1, not whole.link_side
     if not several and not geared:
-        return None, None
+        return None, None, ()
     state = replace(whole.state(), terms=list(laws), spread=0.0, change=0.0)
     estimate = settled(state)
     friction, loads = state.friction(estimate), state.loads(estimate)
     own = warmth(estimate, friction, loads) if several else None
-    return own, drift(estimate, friction, loads) if geared else None
+    moving = tuple(moving_bases(estimate, loads)) if geared and all_laws else ()
+    return own, drift(estimate, friction, loads) if geared else None, moving
 
 
 def _behind_gears(found: Study, basic: CoefficientEstimate, rigid: Array) -> bool:
@@ -218,12 +238,13 @@ def diagnose(
     found = _put_right(comparison, progress)
     told, before, coupled = found if band is not None else _with_reversals(found, model, known, unseen, progress)
     progress(f"windows of {WINDOW:g} s")
-    told = replace(_witnessed(told), detectable=detectable(told.state, told.estimate))
+    seen = detectable(told.state, told.estimate), heaviness(told.state, told.estimate)
+    told = replace(_witnessed(told), detectable=seen[0], heaviness=seen[1])
     told = told_with(told, before)
-    return replace(told, couplings=tuple(dict.fromkeys([*coupled, *told.couplings])))
+    return replace(told, ratios=(*coupled, *told.ratios))
 
 
-_Told = tuple[ArmDiagnosis, list[Fault], list[tuple[str, str]]]
+_Told = tuple[ArmDiagnosis, list[Fault], list[Ratio]]
 """A diagnosis without witnesses, the faults that were put right before it, and couplings whose efforts were."""
 
 
@@ -261,35 +282,48 @@ def _with_reversals(
     return wide
 
 
-def _at_joints(comparison: ArmComparison, progress: Progress) -> tuple[ArmComparison, list[tuple[str, str]]]:
+def _at_joints(comparison: ArmComparison, progress: Progress) -> tuple[ArmComparison, list[Ratio]]:
     """Return a comparison of efforts at the joints where the record's are those of motors that turn several of them,
-    and the pairs of joints that such motors turn; the model's file has their couplings.
+    and how much such motors turn which joints; the model's file has their couplings.
     """
-    pairs: list[tuple[str, str]] = []
+    ratios: list[Ratio] = []
     while not (study := comparison.study).link_side:
         progress("motors of neighbouring joints")
-        plant = study.model.arm_plant
-        found = find_coupling_of_efforts(study.state(), comparison.basic, plant.at_motor)
+        found = find_coupling_of_efforts(study.state(), comparison.basic, study.model.arm_plant.at_motor)
         if found is None:
             break
-        model = coupled_model(study.model, found.motors)
-        known, unseen = (at_joints(runs, plant.motors, found.motors) for runs in study.runs)
-        comparison = compare(model, known, unseen, study.band, progress)
-        pairs.append((study.names[found.pair[0]], study.names[found.pair[1]]))
-    return comparison, pairs
+        ratios += found.ratios
+        comparison = _with_efforts_of(comparison, found.motors, progress)
+    at_motor = comparison.study.model.arm_plant.at_motor
+    motors, settled_ones = settled_ratios(comparison.study.state(), comparison.basic, ratios, at_motor)
+    if settled_ones != ratios:
+        comparison = _with_efforts_of(comparison, motors, progress)
+    return comparison, settled_ones
+
+
+def _with_efforts_of(comparison: ArmComparison, motors: Array, progress: Progress) -> ArmComparison:
+    """Return a comparison of efforts at the joints, those of the records being of motors (n, n)."""
+    study = comparison.study
+    known, unseen = (at_joints(runs, study.model.arm_plant.motors, motors) for runs in study.runs)
+    return compare(coupled_model(study.model, motors), known, unseen, study.band, progress)
 
 
 def _searched(comparison: ArmComparison, progress: Progress, known: frozenset[Key] = frozenset()) -> ArmDiagnosis:
     """Return the laws that a model lacks, ``known`` ones apart, and the model that has them."""
-    found, couplings = comparison.study, []
+    found, ratios = comparison.study, list[Ratio]()
     state, estimate = found.state(), comparison.basic
     while not found.link_side:
         progress("couplings of neighbouring joints")
         coupling = find_coupling(state, estimate)
         if coupling is None:
             break
-        couplings.append((found.names[coupling.pair[0]], found.names[coupling.pair[1]]))
+        ratios += coupling.ratios
         found = found.with_motors(coupling.motors)
+        state = found.state()
+        estimate = settled(state)
+    motors, settled_ones = settled_ratios(state, estimate, ratios)
+    if settled_ones != ratios:
+        found, ratios = found.with_motors(motors), settled_ones
         state = found.state()
         estimate = settled(state)
     state.known = known
@@ -299,7 +333,7 @@ def _searched(comparison: ArmComparison, progress: Progress, known: frozenset[Ke
     estimate = search(state, progress)
     estimate = better_forms(state, estimate, progress)
     state.found = rivals_left(state, estimate)
-    return _told(replace(comparison, study=found), state, estimate, missing, couplings)
+    return _told(replace(comparison, study=found), state, estimate, missing, ratios)
 
 
 def _witnessed(told: ArmDiagnosis) -> ArmDiagnosis:
@@ -404,7 +438,7 @@ def _told(
     state: State,
     estimate: CoefficientEstimate,
     missing: Sequence[MissingLaw],
-    couplings: Sequence[tuple[str, str]],
+    ratios: Sequence[Ratio],
     asked_more: bool = True,
 ) -> ArmDiagnosis:
     """Return what is told, and the model that is proposed; ``asked_more``: with what relieves bodies, if need be."""
@@ -417,13 +451,13 @@ def _told(
         for name, unit in (("m", "kg"), ("mx", "kg·m"), ("my", "kg·m"), ("mz", "kg·m")):
             at = estimate.design.at(f"payload.{name}")
             payload[name] = (float(estimate.theta[at]), float(errors[at]), unit)
-    differs, changes = _in_time(found.of_all(), written.terms)
-    again = replace(found, warmth=differs, drift=changes)
+    differs, changes, moving = _in_time(found.of_all(), written.terms, all_laws=True)
+    again = replace(found, warmth=differs, drift=changes, moving=moving)
     table = replace(comparison.table, model=own)
     matched = estimate.matched_rms if state.own else None
     compared = replace(comparison, study=again, table=table, bodies=body_distance(estimate), matched=matched)
     laws = tuple(_as_settled(law, estimate) for law in state.found)
-    told = ArmDiagnosis(compared, state, estimate, laws, tuple(missing), tuple(couplings), new, payload)
+    told = ArmDiagnosis(compared, state, estimate, laws, tuple(missing), tuple(ratios), new, payload)
     beside = relief(again, written, own) if asked_more and paying(told) else None
     if beside is None:
         return told

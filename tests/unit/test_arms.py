@@ -267,6 +267,27 @@ def test_efforts_of_motors_that_turn_several_joints_are_told_as_such(chain, gear
     assert (again.comparison.table.model < 1.1 * found.comparison.table.model).all()
 
 
+@pytest.mark.parametrize("of_motors", [False, True], ids=["efforts of joints", "efforts of motors"])
+@pytest.mark.parametrize("ratio", [0.8, -0.45])
+def test_a_coupling_of_another_ratio_is_named_with_it(ratio, of_motors):
+    P = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, ratio, 1.0]])
+    couplings = {"rods": {"joints": list(MODEL.robot.names), "position": P.ravel().tolist()}}
+    truth = Model.from_dict({**TRUE.to_dict(), "couplings": couplings})
+    back = np.linalg.inv(P) if of_motors else np.eye(3)
+    known, unseen = (replace(one, tau=one.tau @ back) for one in (run(truth, 8), run(truth, 9)))
+    found = diagnose(MODEL, [known], [unseen], BAND)
+    (told,) = found.ratios
+    assert (told.motor, told.joint) == (2, 1)
+    assert abs(told.value - ratio) < 3.0 * told.error
+    assert told.error < 0.02
+    assert named(found) == {}
+    assert found.proposal.model.arm_plant.motors[2, 1] == told.value
+    assert found.proposal.model.arm_plant.at_motor == (False, of_motors, of_motors)
+    assert "as much with shoulder as with its own joint" in sentences(found)[-1]
+    (content,) = diagnosed_json(found, "", "", [])["robot"]["ratios"]
+    assert content["ratio"] == {"value": told.value, "std": told.error, "unit": "-"}
+
+
 def test_the_load_of_friction_is_the_models_and_never_the_measured_effort(nothing_hidden):
     known, _ = nothing_hidden
     law = next(law for law in EXTRA if law.loaded)
