@@ -137,11 +137,12 @@ def test_a_machine_that_friction_holds_is_no_reading_that_is_held() -> None:
     assert "held_readings" not in checked(model, ModelData(t, u[:, None], measured, None, *names, "stage.csv"))[1]
 
 
-def test_zeros_of_a_held_command_that_never_reached_the_drive() -> None:
+@pytest.mark.parametrize("level", [0.0, -999.0])
+def test_zeros_of_a_held_command_that_never_reached_the_drive(level: float) -> None:
     record = motor()
     told = record.u[:, 0].copy()
     for k in range(40, SAMPLES - 40, 30):
-        told[k : k + 4] = 0.0
+        told[k : k + 4] = level
     after, found = checked(MOTOR, with_channel(record, "voltage", told))
     assert found["two_sources"][0].cure == "hold_voltage"
     assert found["two_sources"][0].open
