@@ -35,7 +35,7 @@ class MovingBase:
 
 
 def moving_bases(estimate: CoefficientEstimate, loads: Loads) -> Iterator[MovingBase]:
-    """Yield the records of a fit's rows along which gravity's direction changes beyond doubt, and visibly.
+    """Yield the records of a fit's rows along which gravity's direction changes beyond doubt, and in two joints.
 
     That in which it is seen most comes first, and others are looked at beside it, as one record bends all bodies.
     """
@@ -64,8 +64,9 @@ def _moving(
     with np.errstate(invalid="ignore", divide="ignore"):
         share = 1.0 - (_left(trial, own) / _left(estimate, own)) ** 2
     most = float(np.max(np.abs(values / np.maximum(errors, 1e-300))))
-    if most < needed_errors(len(names)) or np.nanmax(share) <= MIN_VALIDATION_SHARE:
-        return None
+    seen = int(np.count_nonzero(share > MIN_VALIDATION_SHARE))
+    if most < needed_errors(len(names)) or seen < min(2, rows.n):
+        return None  # gravity is that of all joints: what one of them alone shows is a law of its own
     return fall, MovingBase(source, _size(values, errors, waves[own]), most), trial
 
 
