@@ -56,13 +56,9 @@ class TwoSources(Check):
             yield self._dropped(look, zeros)
         for name in look.record.inputs:
             found = _zeros(look.of(name), BURST)
-            extremes = [float(end(look.of(name))) for end in (np.max, np.min)] if found is None else []
-            levels = ((level, _never_at(look, name, level)) for level in dict.fromkeys((0.0, *extremes)))
-            level, found = (
-                next((one for one in levels if one[1] is not None), (0.0, None)) if extremes else (0.0, found)
-            )
-            if found is not None and np.ptp(look.of(name)[look.of(name) != level]) > 0:
-                yield self._held(look, name, found, level)
+            found = _between_equals(look, name) if found is None else found
+            if found is not None and np.ptp(look.of(name)[look.of(name) != 0.0]) > 0:
+                yield self._held(look, name, found)
         for name in (n for n in look.channels if n not in zeros):
             turns = _turns(look.finite(name)[1])
             if turns and not any(_turns(look.of(u)) for u in look.record.inputs):
@@ -91,10 +87,8 @@ class TwoSources(Check):
             action=without_samples(look, names, drop),
         )
 
-    def _held(self, look: Look, name: str, zeros: NDArray[np.bool_], level: float) -> Finding:
-        sentence = (
-            f"the {name} jumps to {level:.4g} and back in {int(zeros.sum())} of {zeros.size} samples: a second source"
-        )
+    def _held(self, look: Look, name: str, zeros: NDArray[np.bool_]) -> Finding:
+        sentence = f"the {name} jumps to 0 and back in {int(zeros.sum())} of {zeros.size} samples: a second source"
         index = np.arange(zeros.size, dtype=float)
         filled, between = filled_in(index, look.of(name), zeros)
         how = (
@@ -160,25 +154,24 @@ def _zeros(values: Array, longest: int = BRIEF) -> NDArray[np.bool_] | None:
     return found
 
 
-def _never_at(look: Look, name: str, level: float) -> NDArray[np.bool_] | None:
-    """Return where (T,) an input is at one level for a while, often between values that are alike, and the motion does
-    not follow: a command that is held has no noise to tell such samples by. None where they are few.
+def _between_equals(look: Look, name: str) -> NDArray[np.bool_] | None:
+    """Return where (T,) an input is 0 for a while, often between values that are the same, and the motion does not
+    follow: a command that is held has no noise to tell such zeros by. None where they are few.
     """
     values = look.of(name)
-    rest, at = np.flatnonzero(values != level), np.flatnonzero(values == level)
+    rest, at = np.flatnonzero(values != 0.0), np.flatnonzero(values == 0.0)
     if min(rest.size, at.size) < MIN_ZEROS:
         return None
     k = np.searchsorted(rest, at)
     inside = (k > 0) & (k < rest.size)
     at, before, after = at[inside], rest[k[inside] - 1], rest[k[inside]]
-    brief, alike = np.zeros(values.size, dtype=np.bool_), np.zeros(values.size, dtype=np.bool_)
+    brief, equal = np.zeros(values.size, dtype=np.bool_), np.zeros(values.size, dtype=np.bool_)
     brief[at] = after - before <= BURST
-    apart = MAX_NEIGHBOUR_DIFFERENCE * np.abs(values[before] - level)
-    alike[at] = brief[at] & (np.abs(values[before] - values[after]) < apart)
-    if alike.sum() < MIN_ZEROS:
+    equal[at] = brief[at] & (values[before] == values[after])
+    if equal.sum() < MIN_ZEROS:
         return None
     missed, small = never_reached(look, name, filled_in(look.t, values, brief)[0])
-    return missed | (small & alike) if missed.sum() >= MIN_ZEROS else None
+    return missed | (small & equal) if missed.sum() >= MIN_ZEROS else None
 
 
 def _turns(values: Array) -> int:
