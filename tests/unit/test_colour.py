@@ -7,6 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from signlin_ros.comparison.residuals import Colour, colours, correlations, related, residual_test, white
+from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA
 from signlin_ros.diagnosis.output_error.score import beyond_noise, improvement
 
 T = 4000
@@ -93,8 +94,8 @@ def test_a_channel_that_gets_worse_is_told_by_its_own_standard_error_and_by_what
     before, after = np.hstack([blocks(1, 9.0), blocks(2, 1.0)]), np.hstack([blocks(3, 1.0), blocks(4, 3.0)])
     found = improvement(before, after, np.full(2, 0.1))
     assert found.rmse_ratios[0] < 0.5 < 1.5 < found.rmse_ratios[1]
-    assert found.worsens(2.0, 0.01)
-    assert not improvement(before, before * 1.0001, np.full(2, 0.1)).worsens(2.0, 0.01)
+    assert found.worsens(DEFAULT_CRITERIA)
+    assert not improvement(before, before * 1.0001, np.full(2, 0.1)).worsens(DEFAULT_CRITERIA)
 
 
 def test_the_share_that_is_explained_is_of_what_is_no_noise():

@@ -104,11 +104,9 @@ def test_a_force_of_the_angle_is_shown_within_a_turn_however_far_it_turns(turns:
     piece = SimpleNamespace(values=values, kept=slice(None), t=t, cutoff=20.0)
     plant = Model.load("dc_motor").plant
     training = SimpleNamespace(shown=lambda unit: "rad", units={"position": "rad"})
-    evidence: Any = SimpleNamespace(
-        equation_error=SimpleNamespace(validation=SimpleNamespace(pieces=[piece])),
-        dataset=SimpleNamespace(plant=plant, training=training),
-    )
-    place = effect_evidence._place(evidence, force(t, position))
+    evidence: Any = SimpleNamespace(dataset=SimpleNamespace(plant=plant, training=training))
+    found: Any = SimpleNamespace(validation=SimpleNamespace(pieces=[piece]))
+    place = effect_evidence._place(evidence, found, force(t, position), ())
     assert place.name == over
     assert over != "position within a turn" or place.x.max() < 2 * np.pi
 
