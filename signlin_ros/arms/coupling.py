@@ -98,7 +98,7 @@ def find_coupling(state: State, estimate: CoefficientEstimate) -> FoundCoupling 
         ratio = _settled(state, estimate.design, motors, start)
         if ratio is None:
             continue
-        ratio = ratio.named()
+        ratio = _named_by_unseen(state, estimate.design, motors, ratio)
         changed = _changed(motors, ratio)
         if abs(np.linalg.det(changed)) <= SINGULAR:
             continue
@@ -178,7 +178,7 @@ def settled_ratios(
             again = _settled(state, estimate.design, motors, before, at_motor)
             if again is None:
                 continue
-            found[k] = again.named()
+            found[k] = before if before.whole else again.named()
             moved = max(moved, abs(found[k].value - before.value) / max(found[k].error, 1e-300))
             motors[before.motor, before.joint] = found[k].value
         if moved < MOVED:
@@ -295,6 +295,20 @@ def _settled(
     if not LEAST < abs(ratio.value) < MOST:
         return None
     return replace(ratio, error=_error(state, design, motors, ratio, at_motor))
+
+
+def _named_by_unseen(state: State, design: FitDesign, motors: Array, ratio: Ratio) -> Ratio:
+    """Return the ratio that is told: another one than 1 or -1 where unseen rows are likelier by it beyond doubt, too.
+
+    What a law of friction misses bends a ratio by more than its standard error says.
+    """
+    named, whole = ratio.named(), replace(ratio, value=min(WHOLE, key=lambda one: abs(ratio.value - one)))
+    if named.whole:
+        return named
+    mix, new = np.eye(len(motors)), (state.new, state.rows)
+    sides = (_with(state, design, ratio.motor, _changed(motors, one)) for one in (whole, named))
+    before, after = (_both_ways(side, state.both, mix) for side in sides)
+    return named if _likelier(new, before, after)[1] > MIN_COEFFICIENT_ERRORS else whole
 
 
 def _turning(
