@@ -56,7 +56,7 @@ def with_changes(
     for k, source in enumerate(sources_of(*both)):
         own = [piece.run.t for piece in pieces if piece.run.source == source]
         first, last = min(float(t[0]) for t in own), max(float(t[-1]) for t in own)
-        clocks = [(times(rows) - 0.5 * (first + last)) / (last - first) * within(rows, source) for rows in both]
+        clocks = [(_times(rows) - 0.5 * (first + last)) / (last - first) * within(rows, source) for rows in both]
         for place in sorted({law[0] for law in friction}):
             laws = [law for law in friction if law[0] == place]
             known, unseen = (needed(laws, r, loads) * t[:, None] for r, t in zip(both, clocks, strict=True))
@@ -64,7 +64,7 @@ def with_changes(
     return design
 
 
-def times(rows: RegressionRows) -> Array:
+def _times(rows: RegressionRows) -> Array:
     """Return the times (N,) of rows in their records, in s."""
     of = [(p.run.t[0] + p.index * p.step)[p.moving[:, i]] for p in rows.pieces for i in range(rows.n)]
     return np.concatenate(of)
@@ -84,4 +84,4 @@ def drift(estimate: CoefficientEstimate, friction: Friction, loads: Loads) -> Dr
     return Drift(sources, changes, own_errors)
 
 
-__all__ = ["Drift", "drift", "name_of_change", "times", "with_changes"]
+__all__ = ["Drift", "drift", "name_of_change", "with_changes"]

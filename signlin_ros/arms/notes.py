@@ -48,7 +48,7 @@ def as_good(study: Study, found: SearchResult) -> str:
 
 def study_notes(study: Study) -> list[str]:
     """Return sentences on the records, on friction that differs between them, and on faults of the URDF."""
-    in_time = [*lag_notes(study), *warmth_notes(study), *drift_notes(study), *moving_notes(study)]
+    in_time = [*lag_notes(study), *warmth_notes(study), *drift_notes(study)]
     return [*study.notes, *in_time, *_loaded_notes(study), *_urdf_notes(study)]
 
 
@@ -146,14 +146,6 @@ def drift_notes(study: Study) -> list[str]:
     said = "friction changes within the records (warm-up?)"
     allowed = "laws are judged beside that; the table is not, as a model has one friction at all times"
     return [f"{said}: {'; '.join(found)}; {allowed}"] if found else []
-
-
-def moving_notes(study: Study) -> list[str]:
-    """Return a sentence on the records along which gravity's direction changes."""
-    own = [f"{np.degrees(one.size):.2g}° ({Path(one.source).name})" for one in study.moving]
-    why = "a base that moves, or something that is picked up or put down on the way"
-    wrong = "the equations have neither, so bodies and laws that are told of these records are in question"
-    return [f"gravity's direction changes along the record, by up to {', '.join(own)}: {why}; {wrong}"] if own else []
 
 
 def heavier_notes(diagnosis: ArmDiagnosis) -> list[str]:
@@ -321,7 +313,6 @@ __all__ = [
     "distance_notes",
     "drift_notes",
     "heavier_notes",
-    "moving_notes",
     "name_of",
     "of_records",
     "payload_alone",

@@ -13,7 +13,6 @@ from signlin_ros.arms.drift import Drift
 from signlin_ros.arms.fit import CoefficientEstimate, fit, rigid
 from signlin_ros.arms.laws import BASIC, WORKED_OUT, JointLaw, KeptEffect, force
 from signlin_ros.arms.loaded import Loaded
-from signlin_ros.arms.moving import MovingBase
 from signlin_ros.arms.piece import ArmSegment, RegressionRows, chosen_band
 from signlin_ros.arms.repeats import repeated
 from signlin_ros.arms.search import State
@@ -43,7 +42,7 @@ class Study:
 
     ``barred``: joints of which nothing is told, and why; ``link_side``: joints whose effort has little friction in it;
     ``warmth``, ``loaded``: by how much friction and payloads differ between records, where there are several;
-    ``drift``: by how much friction changes within them; ``moving``: records along which gravity's direction changes.
+    ``drift``: by how much friction changes within them.
     """
 
     model: ArmModel
@@ -56,7 +55,6 @@ class Study:
     warmth: Warmth | None = None
     drift: Drift | None = None
     loaded: Loaded | None = None
-    moving: tuple[MovingBase, ...] = ()
     notes: list[str] = field(default_factory=list)
 
     @property

@@ -112,8 +112,7 @@ def verdict(diagnosis: ArmDiagnosis) -> str:
     if diagnosis.only_payload and diagnosis.payload:
         value, error, _ = diagnosis.payload["m"]
         return "missing" if value > 3.0 * error else "adequate"
-    moving = bool(diagnosis.comparison.study.moving)
-    return "unexplained" if moving or any(_unexplained(diagnosis.comparison)) else "adequate"
+    return "unexplained" if any(_unexplained(diagnosis.comparison)) else "adequate"
 
 
 def _unexplained(comparison: ArmComparison) -> list[bool]:
@@ -209,7 +208,7 @@ def _too_light(diagnosis: ArmDiagnosis, i: int) -> list[str]:
         return []
     most, said = float(heavy.smallest[i]), "whether what it carries is heavier than the URDF says"
     why = (
-        f"by less than {100.0 * most:.2g} %" if most < FAR else "its motor, a constant load or other bodies take it up"
+        f"by less than {100.0 * most:.0f} %" if most < FAR else "its motor, a constant load or other bodies take it up"
     )
     return [f"{said}, {why}"]
 

@@ -29,7 +29,6 @@ from signlin_ros.arms.heldout import MIN_VALIDATION_ERRORS
 from signlin_ros.arms.keys import GAIN, SEEN_ELSEWHERE, Key, SearchResult, names_of
 from signlin_ros.arms.laws import BY_EFFECT, JointLaw, shapes
 from signlin_ros.arms.loaded import Loaded, loaded
-from signlin_ros.arms.moving import MovingBase, moving_bases
 from signlin_ros.arms.notes import paying
 from signlin_ros.arms.proposal import Proposal, proposal
 from signlin_ros.arms.relief import Relief, relief
@@ -164,7 +163,7 @@ def _compared(found: Study) -> ArmComparison:
     all_data = settled(whole.state())  # the best numbers of basic friction, not a test
     found.loaded = whole.loaded = _loaded(whole, all_data)
     laws = in_file(found)
-    found.warmth, found.drift, _ = _in_time(whole, laws)
+    found.warmth, found.drift = _in_time(whole, laws)
     state = found.state()
     beside = settled(state) if state.own else basic
     bodies = body_distance(settled(replace(state, terms=laws)) if laws else beside)
@@ -178,21 +177,18 @@ def _loaded(whole: Study, all_data: CoefficientEstimate) -> Loaded | None:
     return loaded(all_data, whole.payload_place, MIN_COEFFICIENT_ERRORS, MIN_VALIDATION_SHARE)
 
 
-def _in_time(
-    whole: Study, laws: Sequence[tuple[Key, JointLaw | None]], all_laws: bool = False
-) -> tuple[Warmth | None, Drift | None, tuple[MovingBase, ...]]:
-    """Return by how much friction differs between the records of all rows beside some laws, None of one record, by how
-    much it changes within them, and along which of them the base moves, beside all laws; None of efforts behind gears.
+def _in_time(whole: Study, laws: Sequence[tuple[Key, JointLaw | None]]) -> tuple[Warmth | None, Drift | None]:
+    """Return by how much friction differs between the records of all rows beside some laws, None of one record, and by
+    how much it changes within them, None of efforts behind gears.
     """
     several, geared = len(sources_of(whole.rows)) > 1, not whole.link_side
     if not several and not geared:
-        return None, None, ()
+        return None, None
     state = replace(whole.state(), terms=list(laws), spread=0.0, change=0.0)
     estimate = settled(state)
     friction, loads = state.friction(estimate), state.loads(estimate)
     own = warmth(estimate, friction, loads) if several else None
-    moving = tuple(moving_bases(estimate, loads)) if geared and all_laws else ()
-    return own, drift(estimate, friction, loads) if geared else None, moving
+    return own, drift(estimate, friction, loads) if geared else None
 
 
 def _behind_gears(found: Study, basic: CoefficientEstimate, rigid: Array) -> bool:
@@ -451,8 +447,8 @@ def _told(
         for name, unit in (("m", "kg"), ("mx", "kg·m"), ("my", "kg·m"), ("mz", "kg·m")):
             at = estimate.design.at(f"payload.{name}")
             payload[name] = (float(estimate.theta[at]), float(errors[at]), unit)
-    differs, changes, moving = _in_time(found.of_all(), written.terms, all_laws=True)
-    again = replace(found, warmth=differs, drift=changes, moving=moving)
+    differs, changes = _in_time(found.of_all(), written.terms)
+    again = replace(found, warmth=differs, drift=changes)
     table = replace(comparison.table, model=own)
     matched = estimate.matched_rms if state.own else None
     compared = replace(comparison, study=again, table=table, bodies=body_distance(estimate), matched=matched)
