@@ -208,7 +208,9 @@ def _too_light(diagnosis: ArmDiagnosis, i: int) -> list[str]:
         return []
     most, said = float(heavy.smallest[i]), "whether what it carries is heavier than the URDF says"
     why = (
-        f"by less than {100.0 * most:.0f} %" if most < FAR else "its motor, a constant load or other bodies take it up"
+        f"by less than {100.0 * most:.0f} %"
+        if most < FAR
+        else "as its motor, a constant load or other bodies take it up"
     )
     return [f"{said}, {why}"]
 
