@@ -35,7 +35,7 @@ class HeldReadings(Check):
                 name,
                 "note",
                 f"the {name} stays at one value {often}, for {int(lost.sum())} samples in all, and leaps after that, "
-                "though its noise leaves no two alike: readings that failed",
+                "though its noise leaves no two alike: readings that failed, or that came less often",
                 cure=f"drop_held_{name}",
                 remedy="repetitions are left out",
                 harmless=True,
