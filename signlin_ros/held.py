@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.masks import ends_of_runs, of_runs
 from signlin_ros.noise import noise_level, quantum_of, steps_shown
 
 Array = NDArray[np.float64]
@@ -90,15 +91,12 @@ def dropped(values: Array) -> NDArray[np.bool_]:
         return found
     alike = min(float(np.median(steps_shown(y))) / (2.0 * np.sqrt(np.pi) * sigma), 1.0)
     longest = int(np.ceil(np.log(CHANCE / y.size) / np.log(alike))) if 0.0 < alike < 1.0 else MIN_REPEATS
-    edges = np.flatnonzero(np.diff(np.concatenate([[True], new, [True]]).astype(np.int8)))
-    begins, ends = edges[::2], edges[1::2]  # repetitions, [begin, end)
+    begins, ends = ends_of_runs(~new)  # repetitions
     long = (ends - begins >= max(longest, MIN_REPEATS)) & (y[begins] != 0.0) & (ends < y.size) & (alike < 1.0)
     begins, ends = begins[long], ends[long]
-    leaps = np.abs(y[ends[ends < y.size]] - y[begins[ends < y.size]]) if begins.size else np.zeros(0)
-    if not leaps.size or np.median(leaps) < LEAP * np.median(changes[changes > 0.0]):
+    if not begins.size or np.median(np.abs(y[ends] - y[begins])) < LEAP * np.median(changes[changes > 0.0]):
         return found
-    for first, last in zip(begins, ends, strict=True):
-        found[there[first:last]] = True
+    found[there[of_runs(y.size, begins, ends)]] = True
     return found if found.sum() <= MAX_DROPPED_SHARE * y.size else np.zeros_like(found)
 
 

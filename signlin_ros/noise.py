@@ -197,7 +197,7 @@ def fourth_difference_share(rho: Array) -> Array:
 def _clipped(values: Array) -> float:
     """Return the mean square of values without those beyond `MAX_NOISE_DEVIATIONS` robust standard deviations."""
     size = np.abs(values)
-    limit = MAX_NOISE_DEVIATIONS * float(np.median(size)) / 0.6745
+    limit = MAX_NOISE_DEVIATIONS * float(np.median(size)) / NORMAL_QUARTILE
     kept = values[size <= limit] if limit > 0 else values
     return float(np.mean(kept**2))
 
@@ -249,6 +249,7 @@ def _correlation(residual: Array, variance: float) -> float | None:
 
 
 __all__ = [
+    "NORMAL_QUARTILE",
     "Noise",
     "derivative_noise",
     "fourth_difference_noise",

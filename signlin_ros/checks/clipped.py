@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from signlin_ros.checks.base import Check, changed
 from signlin_ros.checks.finding import Finding
 from signlin_ros.checks.look import MIN_SAMPLES, Look
+from signlin_ros.masks import ends_of_runs, of_runs
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -146,8 +147,8 @@ def _stands_elsewhere(values: Array, at: Mask, quantum: float) -> bool:
     """
     still = np.concatenate([[False], np.diff(values) == 0.0])
     still[:-1] |= still[1:]
-    begins, ends = _ends_of_runs(_long(still & ~at))
-    visits = _ends_of_runs(at)[0].size
+    begins, ends = ends_of_runs(_long(still & ~at))
+    visits = ends_of_runs(at)[0].size
     if visits > np.unique(values[at]).size or begins.size <= visits:
         return False
     steps = [_step(values, float(limit)) for limit in np.unique(values[at])]
@@ -183,32 +184,18 @@ def _hidden(values: Array, begins: Index, ends: Index) -> Array:
     return np.asarray(aside / 8.0)
 
 
-def _ends_of_runs(at: Mask) -> tuple[Index, Index]:
-    """Return where the runs of a mask (T,) begin, and where they have ended."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], at, [False]]).astype(int)))
-    return edges[::2], edges[1::2]
-
-
-def _marked(size: int, begins: Index, ends: Index) -> Mask:
-    """Return the samples (size,) of some runs."""
-    found = np.zeros(size, dtype=bool)
-    for begin, end in zip(begins, ends, strict=True):
-        found[begin:end] = True
-    return found
-
-
 def _long(at: Mask) -> Mask:
     """Return the samples (T,) in runs of `RUN` and more."""
-    begins, ends = _ends_of_runs(at)
+    begins, ends = ends_of_runs(at)
     long = ends - begins >= RUN
-    return _marked(at.size, begins[long], ends[long])
+    return of_runs(at.size, begins[long], ends[long])
 
 
 def _runs(values: Array, at: Mask, quantum: float, step: float) -> Mask:
     """Return which of the samples at a limit (T,) stand in runs that are entered at full pace, and in which a smooth
     turn would have gone on for more than a step of the sensor.
     """
-    begins, ends = _ends_of_runs(at)
+    begins, ends = ends_of_runs(at)
     long = ends - begins >= RUN
     kept = np.zeros(values.size, dtype=bool)
     if not long.any():
@@ -220,7 +207,7 @@ def _runs(values: Array, at: Mask, quantum: float, step: float) -> Mask:
     cut = ~_rests(values, begins, ends, step)
     if not cut[inside].any():
         return kept
-    return _marked(values.size, begins[cut], ends[cut])
+    return of_runs(values.size, begins[cut], ends[cut])
 
 
 def _inside(values: Array, begins: Index, ends: Index) -> Mask:
@@ -250,7 +237,7 @@ def _rests(values: Array, begins: Index, ends: Index, step: float) -> Mask:
     + a n / `RUN_FRACTION`.
     """
     near = np.abs(values - values[begins[0]]) <= step * (1.0 + STEP_TOLERANCE)
-    first, past = _ends_of_runs(near)
+    first, past = ends_of_runs(near)
     of = np.searchsorted(first, begins, side="right") - 1
     begins, ends = first[of], past[of]
     earlier = (ends - begins) // RUN_FRACTION

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from signlin_ros.checks.base import with_channel
 from signlin_ros.checks.look import Look
 from signlin_ros.checks.observer import follow
+from signlin_ros.masks import ends_of_runs, of_runs
+from signlin_ros.noise import NORMAL_QUARTILE
 
 Array = NDArray[np.float64]
 
@@ -17,7 +19,6 @@ ANSWER_SAMPLES = 10
 """So many samples after it, what the input did for a moment has been answered."""
 MIN_ANSWER = 5.0
 """Least size of an answer that is missed where there is none, in standard deviations of what the observer leaves."""
-NORMAL_QUARTILE = 0.6745
 
 
 def never_reached(look: Look, name: str, values: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
@@ -42,9 +43,9 @@ def never_reached(look: Look, name: str, values: Array) -> tuple[NDArray[np.bool
     noisy = usual > 0.0
     changes, rest, without = (one[:, noisy] / usual[noisy] for one in (changes, rest, without))
     answers, whole = changes - rest, rest - without
-    of, size = _runs(as_said.u[:, j] != other.u[:, j])
+    of, size = ends_of_runs(as_said.u[:, j] != other.u[:, j])
     ends = np.minimum(np.minimum(size + ANSWER_SAMPLES, np.append(of[1:], changes.shape[0])), changes.shape[0])
-    elsewhere = ~_marked(changes.shape[0], of, ends)
+    elsewhere = ~of_runs(changes.shape[0], of, ends)
     if not 2.0 * abs(float(np.sum((rest * whole)[elsewhere]))) < float(np.sum(whole[elsewhere] ** 2)):
         return found, small
     sums = np.cumsum(np.stack([np.sum(changes * answers, axis=1), np.sum(answers**2, axis=1)]), axis=1)
@@ -52,26 +53,12 @@ def never_reached(look: Look, name: str, values: Array) -> tuple[NDArray[np.bool
     both, own = (one[ends] - one[of] for one in sums)
     told = own > MIN_ANSWER**2
     missed = told & (2.0 * np.abs(both - own) < own)
-    begins, after = _runs(values != look.of(name))
+    begins, after = ends_of_runs(values != look.of(name))
     for first, last, t in zip(begins, after, look.t[begins], strict=True):
         at = np.flatnonzero(np.abs(as_said.t[of] - t) < 0.5 * as_said.step)
         if at.size:
             found[first:last], small[first:last] = missed[at[0]], not told[at[0]]
     return found, small
-
-
-def _marked(size: int, begins: NDArray[np.intp], ends: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Return the samples (size,) of runs that begin and have ended somewhere."""
-    edges = np.zeros(size + 1, dtype=np.intp)
-    np.add.at(edges, begins, 1)
-    np.add.at(edges, ends, -1)
-    return np.asarray(np.cumsum(edges)[:-1] > 0)
-
-
-def _runs(there: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return where the runs of a mask (T,) begin, and where they have ended."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], there, [False]]).astype(np.int8)))
-    return edges[::2], edges[1::2]
 
 
 __all__ = ["never_reached"]

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
-from signlin_ros.noise import steps_shown
+from signlin_ros.noise import NORMAL_QUARTILE, steps_shown
 from signlin_ros.records.clean import gaps
 from signlin_ros.records.mapping import ModelData
 
@@ -123,7 +123,7 @@ def _set_apart(
         peaks = np.flatnonzero(judged & (away >= maximum_filter1d(np.where(judged, away, 0.0), 2 * length + 1)))
         peaks = peaks[np.argsort(-away[peaks], kind="stable")]
         sizes, after = away[peaks], np.append(away[peaks[1:]], 0.0)
-        floor = np.maximum(MIN_OUTLIER_DEVIATIONS * float(np.median(away)) / 0.6745, least[1 + peaks])
+        floor = np.maximum(MIN_OUTLIER_DEVIATIONS * float(np.median(away)) / NORMAL_QUARTILE, least[1 + peaks])
         last = np.arange(1, sizes.size + 1)
         beyond = (sizes > floor) & (sizes > BEYOND * after) & (last > few) & (last <= MAX_WILD_SHARE * y.size)
         beyond &= (sizes.size - last >= np.maximum(last, others)) if others else True
@@ -225,7 +225,7 @@ def _unusual(away: Array, length: int) -> float:
         peak = int(np.nanargmax(rest))
         rest[max(peak - length, 0) : peak + length + 1] = np.nan
     usual = np.nanquantile(rest, USUAL)
-    return float(max(MIN_OUTLIER_DEVIATIONS * np.median(away) / 0.6745, BEYOND * usual))
+    return float(max(MIN_OUTLIER_DEVIATIONS * np.median(away) / NORMAL_QUARTILE, BEYOND * usual))
 
 
 def _off_at_the_end(y: Array, least: float) -> int:

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signlin_ros.errors import RecordError
+from signlin_ros.masks import ends_of_runs
 from signlin_ros.records.notes import Note
 from signlin_ros.records.table import Rows
 
@@ -91,8 +92,7 @@ def _restart(t: Array, first: int) -> int:
     late = t[first:] < np.maximum.accumulate(t[first:])
     if not late.any():
         return int(t.size)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], late, [False]]).astype(np.int8)))
-    begins, ends = edges[::2], edges[1::2]
+    begins, ends = ends_of_runs(late)
     long = np.flatnonzero(ends - begins > MAX_LATE_ROWS)
     return int(t.size) if not long.size else int(first + begins[long[0]])
 
