@@ -103,12 +103,12 @@ def _asked(evidence: Evidence, verdict: Verdict, name: str) -> float:
 
 def _takes_nothing(evidence: Evidence, verdict: Verdict, without: FittedModel, left: bool) -> bool:
     """Tell whether an effect lowers neither a channel's error nor the force residual by as much as a table shows; one
-    without which what is left is no noise takes something away.
+    without which what is left is no noise, and with which it is the sensors', takes something away.
 
     ``left``: more than noise is left; then it must show beside that, and freeing a base parameter does not count.
     """
     final, base, c = verdict.final, verdict.base, evidence.criteria
-    if evidence.explains_to_noise(final) and not without.white:
+    if evidence.explains_to_noise(final) and evidence.near_noise(final) and not without.white:
         return False
     gone = without.validation_rmse**2 - final.validation_rmse**2
     shown = gone > c.visible_change**2 * base.validation_rmse**2
