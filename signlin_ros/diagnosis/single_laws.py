@@ -68,8 +68,9 @@ def fit_sensor_errors(evidence: Evidence, proposal: FittedModel) -> None:
     names = [n for n in EFFECTS if issubclass(EFFECTS[n], SensorEffect) and n in evidence.output_error.candidates]
     for effect in proposal.effects if evidence.dataset.plant.motion_is_imposed() else ():
         rest = [n for n in proposal.effects if n != effect]
-        fits = [evidence.output_error.fitted([*rest, n], proposal.model) for n in names if n not in rest]
-        evidence.cache.keep(*fits)
+        for name in (n for n in names if n not in rest):
+            with contextlib.suppress(InputError):  # without the law what is left of others diverges
+                evidence.cache.keep(evidence.output_error.fitted([*rest, name], proposal.model))
 
 
 def fit_released(evidence: Evidence, proposal: FittedModel) -> list[FittedModel]:
