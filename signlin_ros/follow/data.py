@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from signlin_ros import units
-from signlin_ros.apart import split
+from signlin_ros.apart import of_record, split
 from signlin_ros.errors import RecordError
 from signlin_ros.model import Model
 from signlin_ros.recording.trace import TEMPERATURE
-from signlin_ros.records import ModelData, read_runs
+from signlin_ros.records import ModelData, Record
 from signlin_ros.records.clean import gaps
+from signlin_ros.records.files import read_unmapped
 from signlin_ros.records.header import heading
 from signlin_ros.simulation import interpolated
 
@@ -83,15 +84,18 @@ def load_sides(
     optional = model.plant.position_optional and model.plant.position not in model.states
     wider = model.with_options(with_position=True) if optional else model
 
-    def read(model: Model) -> list[list[ModelData]]:
-        return [[run for path in paths for run in read_runs(path, model, signals)] for paths in (known, unseen)]
+    def read(model: Model) -> list[list[tuple[PathName, Record]]]:
+        return [[(p, run) for p in paths for run in read_unmapped(p, model, signals)] for paths in (known, unseen)]
 
-    first, second = read(wider)
+    def mapped(model: Model, sides: list[list[tuple[PathName, Record]]]) -> list[list[ModelData]]:
+        return [[run.for_model(model, of_record(signals, path)) for path, run in side] for side in sides]
+
+    first, second = mapped(wider, found := read(wider))
     if optional and not all(model.plant.position in d.measured for d in (*first, *second)):
-        wider, (first, second) = model, read(model)
+        wider, (first, second) = model, mapped(model, found)  # a position is wanted in a file all the same
     if TEMPERATURE not in model.inputs and all(map(holds_temperature, (*first, *second))):
         wider = with_temperature(wider)
-        first, second = read(wider)
+        first, second = mapped(wider, read(wider))
     return wider, first, second or None
 
 

@@ -350,11 +350,11 @@ def _signals(table: RawTable) -> dict[str, Signal]:
     """Signals keyed by their bare names, or by the whole labels where several share a name or where what ends the name
     may be a unit or none.
     """
-    names = [head.name for head in table.headings]
+    count = Counter(head.name for head in table.headings)
     signals = {}
     for head, column in zip(table.headings, table.columns, strict=True):
         own = head.suffix and heading(head.label).name == head.name
-        key = head.label if own or names.count(head.name) > 1 else head.name
+        key = head.label if own or count[head.name] > 1 else head.name
         signals[key] = Signal(column, head.unit, head.label, head.number)
     return signals
 

@@ -144,9 +144,15 @@ def read_runs(
     that the model does not use do no harm. Runs of fewer than `MIN_RUN_ROWS` rows are
     left out beside longer ones.
     """
-    signals = of_record(signals, path)
-    found = _for_model(path, model, signals, base)
-    return [record.for_model(model, signals, require=require, base=base) for record in _without_short(found)]
+    records = read_unmapped(path, model, signals, base=base)
+    return [record.for_model(model, of_record(signals, path), require=require, base=base) for record in records]
+
+
+def read_unmapped(
+    path: str | os.PathLike[str], model: Model, signals: Mapping[str, str] | None = None, *, base: str | None = None
+) -> list[Record]:
+    """Read the runs in which `read_runs` finds the signals of a model, all columns as they are called there."""
+    return _without_short(_for_model(path, model, of_record(signals, path), base))
 
 
 def read_for_model(

@@ -87,6 +87,10 @@ TIME_KEYS = frozenset(TIME_NAMES)
 """Keys that `signals` may map to a file's time column; they are no signals of a model."""
 
 
+MOST_KEPT = 1 << 16
+"""Header cells whose parts are kept: they are asked for once for every name that is looked for."""
+
+
 @dataclass(frozen=True)
 class Heading:
     """A column's head taken apart: `label` is the whole text, `name` what is left without unit and note.
@@ -110,20 +114,30 @@ class Heading:
         name = match["name"].lower()
         return _TIMES.index(name), self.unit or match["unit"] or _TIME_UNITS.get(name, "")
 
+    @functools.cached_property
+    def _squeezed(self) -> tuple[str, str, str]:
+        """Text, name, and name with unit, each without white space."""
+        return _squeezed(self.label), _squeezed(self.name), _squeezed(f"{self.name}[{self.unit}]")
+
+    @functools.cached_property
+    def _small(self) -> tuple[str, str]:
+        """Text and name, without white space, in small letters."""
+        return self._squeezed[0].lower(), self._squeezed[1].lower()
+
     def whole(self, spec: str) -> bool:
         """Whether `spec` is the whole text; white space does not count."""
-        return _squeezed(spec) == _squeezed(self.label)
+        return _squeezed(spec) == self._squeezed[0]
 
     def bare(self, spec: str) -> bool:
         """Whether `spec` is the text without its note, or without note and unit."""
-        return _squeezed(spec) in (_squeezed(self.name), _squeezed(f"{self.name}[{self.unit}]"))
+        return _squeezed(spec) in self._squeezed[1:]
 
     def loose(self, spec: str) -> bool:
         """Whether `spec` is the text or the name if large letters count as small ones, or its number: ``#6``, ``6``."""
         small = _squeezed(spec).lower()
         if self.number and small in (f"#{self.number}", f"{self.number}"):
             return True
-        return small in (_squeezed(self.label).lower(), _squeezed(self.name).lower())
+        return small in self._small
 
     def matches(self, spec: str) -> bool:
         """Whether the user may call this column `spec`."""
@@ -168,10 +182,12 @@ def pair(headings: Sequence[Heading]) -> tuple[Heading, Heading, float] | None:
     return None
 
 
+@functools.lru_cache
 def _squeezed(text: str) -> str:
     return "".join(tidy(text).split())
 
 
+@functools.lru_cache(maxsize=MOST_KEPT)
 def heading(text: str, number: int = 0) -> Heading:
     """Take a header cell apart.
 
@@ -184,7 +200,7 @@ def heading(text: str, number: int = 0) -> Heading:
     return replace(_taken_apart(tidy(text)), number=number)
 
 
-@functools.lru_cache(maxsize=1 << 16)
+@functools.lru_cache(maxsize=MOST_KEPT)
 def _taken_apart(label: str) -> Heading:
     topic = label.startswith("/")
     doubtful = None

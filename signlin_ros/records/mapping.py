@@ -158,6 +158,7 @@ def for_model(
         Note(f"{name} holds no sample", "missing", name) for name in names if name in chosen and name not in measured
     ]
     record, u, measured = with_inputs(record, model, values, measured, notes)
+    labels = record.labels
     return ModelData(
         t=record.t,
         u=u,
@@ -167,10 +168,10 @@ def for_model(
         states=tuple(model.states),
         units=unit_of,
         source=record.source,
-        unused=tuple(record.labels.get(name, name) for name in record.signals if name not in chosen.values()),
+        unused=tuple(labels.get(name, name) for name in record.signals if name not in chosen.values()),
         notes=(*record.notes, *notes),
         acts=None if record.acts is None else frozen(record.acts),
-        labels={name: record.labels.get(key, key) for name, key in chosen.items()},
+        labels={name: labels.get(key, key) for name, key in chosen.items()},
         conditions=conditions,
         beside=_beside(record, model),
     )

@@ -79,7 +79,9 @@ WANTED = (
     "deviation",
 )
 """In the name of a column that says what was asked for, or how far off that is, not what came of it."""
-DIRECTION = ("dir", "direction", "richtung", "drehrichtung", "sign", "sgn", "vorzeichen", "sens", "cw", "ccw")
+DIRECTION = frozenset(
+    ("dir", "direction", "richtung", "drehrichtung", "sign", "sgn", "vorzeichen", "sens", "cw", "ccw")
+)
 """In the name of a column that says which way it goes."""
 DUTY, FULL = ("pwm", "duty", "tastgrad", "throttle"), (1.0, 100.0, 255.0, 1000.0, 1023.0, 4095.0, 32767.0, 65535.0)
 """In the name of a column in parts of the supply, and what the whole of it may be."""
@@ -132,9 +134,10 @@ def _driven(label: str, records: Sequence[Record]) -> dict[str, Any]:
             found["full"] = [100.0, *(full for full in found["full"] if full != 100.0)]
         elif "pwm" in tokens and 1.0 < high <= ARDUINO:
             found["full"] = [ARDUINO, *(full for full in found["full"] if full != ARDUINO)]
-    ways = [name for name, _ in _common(records) if any(word in _tokens(name) for word in DIRECTION) and name != label]
-    if low >= 0.0 and ways:
-        found["direction"] = ways[0]
+    others = (name for name, _ in _common(records) if name != label) if low >= 0.0 else ()
+    ways = (name for name in others if not DIRECTION.isdisjoint(_tokens(name)))
+    if way := next(ways, ""):
+        found["direction"] = way
     return found
 
 
