@@ -363,7 +363,16 @@ def test_viscosity_that_varies_along_the_way_is_told_as_structure_with_its_perio
     found = from_equation_error(lambda q, v: -2.0 * (1.0 + 0.6 * np.sin(9.0 * q)) * v, turns=3.0, seconds=30.0)
     assert found.flexible.visible
     assert found.flexible.percent < 0.1 * found.percent()
-    assert found.flexible.along == "viscous friction that repeats 9 times a turn"
+    assert found.flexible.along.endswith("viscous friction that repeats 9 times a turn")
+
+
+def test_dry_friction_that_changes_along_the_way_is_told_as_that():
+    """Guides that are tight in the middle of the way: nothing that repeats."""
+    found = from_equation_error(lambda q, v: -0.5 * (1.0 + 3.0 * np.exp(-((2.0 * q) ** 2))) * np.sign(v), seconds=30.0)
+    assert found.effects == ("coulomb_friction",)
+    assert found.flexible.visible
+    assert found.flexible.percent < 0.5 * found.percent()
+    assert found.flexible.along == "a dry friction that changes along the way"
 
 
 def test_what_a_curve_over_the_speed_takes_away_is_structure():

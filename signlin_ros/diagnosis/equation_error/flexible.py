@@ -4,6 +4,7 @@ A flexible regression, judged on validation data; and forces whose size changes 
 one, and the weight of its ridge, is chosen by blocks of training data:
 
 - a curve over the speed;
+- loads, dry and viscous friction whose size is a curve over the position;
 - loads, dry and viscous friction that repeat along the way;
 - position, velocity, their past and what bristles of several lengths would do, through random cosine features [Rahimi
   and Recht, Advances in Neural Information Processing Systems 20, 2007].
@@ -11,7 +12,7 @@ one, and the weight of its ridge, is chosen by blocks of training data:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numba
@@ -48,6 +49,8 @@ SLIP_WIDTHS = (0.002, 0.005, 0.01, 0.02, 0.04, 0.08, 0.15, 0.3)
 SPEED_KNOTS, SLOWEST_QUANTILE = 6, 0.3
 """Knots of a curve over the speed, at quantiles of it, from this one on: slower, the direction may be lost in noise,
 and a curve would take what is lost of dry friction's corner for a law."""
+POSITION_KNOTS, MIN_KNOTS = 12, 2
+"""Knots of a curve over the position, at quantiles of it, and the fewest that make one."""
 WEIGHTS = (1e-3, 1e-2, 1e-1, 1.0, 10.0)
 """Weights of the ridge that are tried,"""
 CURVE_FOLDS = 5
@@ -63,12 +66,24 @@ class Curve(NamedTuple):
     """What a flexible regression makes of the force that is left of validation data.
 
     ``visible``: whether it surely takes a visible part away; ``percent`` of the effort (RMS) would be left then, inf
-    where less than such a part is there; ``along``: which force repeats along the way, and how often, if that is it.
+    where less than such a part is there; ``along``: the forces that change along the way, if that is it, in words.
     """
 
     visible: bool
     percent: float
     along: str = ""
+
+
+class Curves(NamedTuple):
+    """Columns of a flexible regression; ``told``: what the curves are, by equal parts of the columns, in words."""
+
+    columns: Columns
+    told: Sequence[str] = ()
+
+    def largest(self, theta: Array) -> str:
+        """Return what has the largest coefficients (n,), in words; empty where it has none."""
+        parts = np.array_split(np.abs(theta), len(self.told) or 1)
+        return self.told[int(np.argmax([float(np.max(one)) for one in parts]))] if self.told else ""
 
 
 @numba.njit(cache=True)
@@ -135,9 +150,27 @@ def _over_speed(r: Regression) -> Columns:
     return columns if inner.size > 1 else lambda piece: piece.seen(piece.sign[:, None])
 
 
-def _along_the_way(r: Regression, waves: Waves, left: Array) -> tuple[Columns | None, list[str]]:
+def _over_position(r: Regression) -> Curves | None:
+    """Return splines of the position, as the size of a load, of dry and of viscous friction; None where the position
+    was not measured.
+    """
+    if not all(p.position_measured for p in r.training.pieces):
+        return None
+    places = np.concatenate([p.q[p.kept] for p in r.training.pieces])
+    inner = np.unique(np.quantile(places, np.linspace(0.0, 1.0, POSITION_KNOTS)))
+    if inner.size < MIN_KNOTS:
+        return None
+
+    def columns(piece: ForceSegment) -> Array:
+        curves = _splines(piece.q, inner)
+        return piece.seen(np.hstack([curves * force(piece)[:, None] for force in FORCES.values()]))
+
+    return Curves(columns, [f"a {name} that changes along the way" for name in FORCES])
+
+
+def _along_the_way(r: Regression, waves: Waves, left: Array) -> Curves | None:
     """Return the waves of forces that repeat along the way, at the orders at which what is left (K,) of training data
-    does most, and what each is; None where the position was not measured, or travels too little.
+    does most; None where the position was not measured, or travels too little.
     """
     known, plant = r.training, r.model.plant
     measured = all(p.position_measured for p in known.pieces)
@@ -153,23 +186,24 @@ def _along_the_way(r: Regression, waves: Waves, left: Array) -> tuple[Columns | 
 
     unit = plant.position_unit
     often = [f"{N:g} times a turn" if waves.whole else f"every {2 * np.pi / N:.3g} {unit}" for _, N in orders]
-    return columns if orders else None, [f"{n} that repeats {how}" for (n, _), how in zip(orders, often, strict=True)]
+    first = "forces that repeat along the way, first of all"
+    told = [f"{first} {name} that repeats {how}" for (name, _), how in zip(orders, often, strict=True)]
+    return Curves(columns, told) if orders else None
 
 
 def _unseen_after(r: Regression, waves: Waves, fit: RegressionFit) -> tuple[Array, str]:
-    """Return the residual (K,) of a flexible regression on validation data, and which force repeats along the way, if
-    any.
+    """Return the residual (K,) of a flexible regression on validation data, and what changes along the way, if it
+    does.
     """
-    along, told = _along_the_way(r, waves, fit.training_residual)
-    curves = [c for c in (along, _over_speed(r), _everything(r)) if c]
-    known = [_scaled(r.training, c) for c in curves]
+    place = _along_the_way(r, waves, fit.training_residual), _over_position(r)
+    curves = [c for c in (*place, Curves(_over_speed(r)), Curves(_everything(r))) if c]
+    known = [_scaled(r.training, c.columns) for c in curves]
     tried = [_chosen(A, fit.training_residual, r.training.blocks) for A, _, _ in known]
     k = int(np.argmin([error for error, _ in tried]))
     A, centre, scale = known[k]
     theta = _ridge(A, fit.training_residual, tried[k][1])
-    V = np.vstack([curves[k](p) for p in r.validation.pieces])
-    most = int(np.argmax(np.abs(theta))) // 2
-    return np.asarray(fit.validation_residual - (V - centre) / scale @ theta), told[most] if curves[k] is along else ""
+    V = np.vstack([curves[k].columns(p) for p in r.validation.pieces])
+    return np.asarray(fit.validation_residual - (V - centre) / scale @ theta), curves[k].largest(theta)
 
 
 def _scaled(side: RegressionData, columns: Columns) -> tuple[Array, Array, Array]:

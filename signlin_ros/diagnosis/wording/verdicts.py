@@ -217,8 +217,7 @@ def remainder(evidence: Evidence, verdict: Verdict) -> str:
     left, curve = f" What is left is {verdict.percent:.3g} % {evidence.of_effort}", verdict.flexible
     if curve.visible and curve.percent < (1 - evidence.criteria.visible_change) * verdict.percent:
         if curve.along:
-            waves = f"forces that repeat along the way, first of all {curve.along}"
-            return f"{left}; with {waves}, {curve.percent:.3g} % would be left."
+            return f"{left}; with {curve.along}, {curve.percent:.3g} % would be left."
         return f"{left}; a flexible curve would leave {curve.percent:.3g} %: {LEARN_HINT}."
     if verdict.changing:
         return f"{left}; most of it goes with a {verdict.changing} that changes slowly along the record."
