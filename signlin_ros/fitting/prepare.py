@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.errors import RecordError
+from signlin_ros.errors import RecordError, joined
 from signlin_ros.fitting.candidate import Candidate
 from signlin_ros.fitting.derived import MAX_UNTOLD_LAG, lag, without_derived
 from signlin_ros.fitting.fit import Fit
@@ -34,6 +34,8 @@ from signlin_ros.records import ModelData
 
 MAX_FIT_SAMPLES, FIT_SEGMENTS = 20_000, 10
 """Most samples that are fitted to, in so many stretches: more only make standard errors too small."""
+MAX_SAMPLES, STRETCHES = 400_000, 10
+"""Most samples of the training, and of the validation data, that anything is computed of, in so many stretches."""
 MOST_FOLDS = 6
 """Most parts of the records that are held out in turn."""
 CONDITIONS = 3
@@ -82,7 +84,7 @@ def prepared(model: Model, first: Sequence[ModelData], second: Sequence[ModelDat
     segments = tuple(prepared_segment(problem.base, problem.channels, part) for part in unseen)
     noise, other = (sensor_noise([(s.t, s.y) for s in one]) for one in (problem.segments, segments))
     rest = replace(problem, segments=segments, noise=other, notes=more, parts=tuple(unseen))
-    return replace(problem, noise=noise), rest
+    return _thinned(replace(problem, noise=noise)), _thinned(rest)
 
 
 def held_in_turn(model: Model, data: Sequence[ModelData]) -> tuple[Problem, Problem]:
@@ -100,6 +102,24 @@ def held_in_turn(model: Model, data: Sequence[ModelData]) -> tuple[Problem, Prob
     kinds = list(dict.fromkeys(groups))
     folds = [tuple(i for i, own in enumerate(groups) if own in kinds[k::MOST_FOLDS]) for k in range(MOST_FOLDS)]
     return problem, replace(problem, folds=tuple(fold for fold in folds if fold), notes=())
+
+
+def _thinned(problem: Problem) -> Problem:
+    """Return a problem on stretches of long records, spread evenly; a loop is run from where its records begin."""
+    if problem.samples <= MAX_SAMPLES or problem.base.plant.closed_loop:
+        return problem
+    size = MAX_SAMPLES // STRETCHES
+    sizes = [s.t.size for s in problem.segments]
+    places = [(i, first, min(size, n - first)) for i, n in enumerate(sizes) for first in range(0, n, size)]
+    places = [one for one in places if one[2] >= min(LEAST_SAMPLES, sizes[one[0]])]
+    count = int(MAX_SAMPLES * len(places) / sum(n for _, _, n in places))
+    chosen = [places[k] for k in np.linspace(0, len(places) - 1, count).round().astype(int)]
+    segments = tuple(stretch_of(problem, problem.segments[i], first, n) for i, first, n in chosen)
+    parts = tuple(problem.parts[i].part(first, first + n) for i, first, n in chosen)
+    used = sum(n for _, _, n in chosen)
+    sources = joined(list(dict.fromkeys(s.source for s in problem.segments)))
+    note = f"{sources}: of {problem.samples:,} samples {used:,} are used, in {count} stretches spread evenly"
+    return replace(problem, segments=segments, parts=parts, notes=(*problem.notes, note))
 
 
 def _derived(model: Model, data: Sequence[ModelData], channel: str) -> str:

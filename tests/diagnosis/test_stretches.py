@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from signlin_ros.fitting import prepare as prepare_module
 from signlin_ros.fitting.candidate import candidate
 from signlin_ros.fitting.fit import fit
 from signlin_ros.fitting.problem import prepare
@@ -88,3 +89,19 @@ def test_what_was_before_a_late_input_counts_as_much_as_the_rest():
     unknown, rest = left[:13], left[13:]
     assert (np.abs(unknown) <= 1.05 * np.sqrt(np.mean(rest**2, axis=0))).all()
     assert np.std(rest[:, 0]) < 0.5 * problem.noise[0]
+
+
+def test_of_records_too_long_even_stretches_are_used_and_told(monkeypatch):
+    monkeypatch.setattr(prepare_module, "MAX_SAMPLES", 1000)
+    monkeypatch.setattr(prepare_module, "STRETCHES", 5)
+    model = motor()
+    whole = record(model, ("current", "speed"), steps(8.0))
+    known, unseen = prepare_module.prepared(model, [whole, whole.part(0, 900)], [whole.part(0, 800)])
+    assert 800 <= known.samples <= 1000
+    for s, part in zip(known.segments, known.parts, strict=True):
+        np.testing.assert_array_equal(part.t - part.t[0], s.t - s.t[0])
+        np.testing.assert_array_equal(part.measured["speed"], s.y[:, known.channels.index("speed")])
+    told = f"of 4,900 samples {known.samples:,} are used, in 5 stretches spread evenly"
+    assert any(note.endswith(told) for note in known.notes)
+    assert unseen.samples == 800
+    assert len(unseen.segments) == 1
