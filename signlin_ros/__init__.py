@@ -29,7 +29,7 @@ if TYPE_CHECKING:
         refine,
     )
     from signlin_ros.checks.finding import Finding
-    from signlin_ros.diagnosis.comparison import Comparison
+    from signlin_ros.diagnosis.compared import Comparison
     from signlin_ros.diagnosis.results import Diagnosis
     from signlin_ros.effects.base import Effect
     from signlin_ros.errors import (
@@ -53,7 +53,7 @@ __version__ = "0.1.0"
 _EXPORTS = {
     **dict.fromkeys(("add", "check", "compare", "controller", "diagnose"), "api"),
     **dict.fromkeys(("catalogue", "gains", "observer", "refine"), "api"),
-    "Comparison": "signlin_ros.diagnosis.comparison",
+    "Comparison": "signlin_ros.diagnosis.compared",
     "Diagnosis": "signlin_ros.diagnosis.results",
     "Effect": "signlin_ros.effects.base",
     "Finding": "signlin_ros.checks.finding",

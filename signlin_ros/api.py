@@ -19,7 +19,7 @@ from signlin_ros.errors import InputError
 if TYPE_CHECKING:
     from signlin_ros.checks.finding import Finding
     from signlin_ros.control.law import ControlLaw
-    from signlin_ros.diagnosis.comparison import Comparison
+    from signlin_ros.diagnosis.compared import Comparison
     from signlin_ros.diagnosis.results import Diagnosis
     from signlin_ros.model import Model
     from signlin_ros.observe.observer import KalmanObserver

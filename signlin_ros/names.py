@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 PROGRESS_ASKED = "SIGNLIN_PROGRESS"
 """Variable of the environment that says that a program, no terminal, reads what is told of progress."""
 TIME_NAMES = ("t", "time", "timestamp", "stamp")
@@ -18,4 +20,39 @@ beside the channels."""
 AT_NOISE_RATIO = 1.1
 """Times the noise of a channel up to which an error is no larger than it."""
 
-__all__ = ["AS_GIVEN", "AT_NOISE_RATIO", "MISSING_FORCE_ROW", "REFITTED_ROW", "SENSOR_NOISE_ROW", "TIME_NAMES"]
+PROPER_NAMES = {
+    "bouc_wen": "Bouc-Wen",
+    "coulomb": "Coulomb",
+    "dahl": "Dahl",
+    "lugre": "LuGre",
+    "maxwell": "Maxwell",
+    "stribeck": "Stribeck",
+}
+"""Proper names in the names of effects, and how they are printed."""
+_PROPER = re.compile(rf"(?<![a-z])(?:{'|'.join(PROPER_NAMES)})(?![a-z])")
+
+
+def printed_name(name: str) -> str:
+    """Return the name of an effect as it is printed, ``Bouc-Wen hysteresis`` for ``bouc_wen_hysteresis``; the name of
+    its joint stays as it is, ``wrist_2.Coulomb friction``.
+    """
+    joint, dot, own = name.rpartition(".")
+    return joint + dot + _PROPER.sub(lambda found: PROPER_NAMES[found[0]], own).replace("_", " ")
+
+
+def capitalised(text: str) -> str:
+    """Return a text that begins with a capital; others in it stay."""
+    return text[:1].upper() + text[1:]
+
+
+__all__ = [
+    "AS_GIVEN",
+    "AT_NOISE_RATIO",
+    "MISSING_FORCE_ROW",
+    "PROPER_NAMES",
+    "REFITTED_ROW",
+    "SENSOR_NOISE_ROW",
+    "TIME_NAMES",
+    "capitalised",
+    "printed_name",
+]

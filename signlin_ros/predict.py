@@ -73,11 +73,12 @@ def windows(t: Array, horizon: float) -> list[tuple[int, int]]:
 
 def without_dry_friction(model: Model) -> Model:
     """Return the model without every effect that switches with a sign: what a linear description would keep."""
-    for key, use in list(model.effects.items()):
-        alone = Model.from_dict({**model.to_dict(), "effects": {key: use.written()}})
-        if any(s.kind == "switch" for s in alone.trace.surfaces):
-            model = model.without_effect(key)
-    return model
+
+    def switches(key: str) -> bool:
+        alone = Model.from_dict({**model.to_dict(), "effects": {key: model.effects[key].written()}})
+        return any(s.kind == "switch" for s in alone.trace.surfaces)
+
+    return model.without_effect(*filter(switches, model.effects))
 
 
 def value_of_the_method(

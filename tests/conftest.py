@@ -1,8 +1,9 @@
 """What every test shares: markers by folder, the order of a parallel run, processor time.
 
 A parallel run (``make test``) hands out whole files, so that what a module keeps is made once; the diagnoses, which
-take long, one by one; and all tests that start ROS processes to one worker, first of all and before the others, which
-yield to it. Each of them has a ROS domain of its own.
+take long, one by one; those of the page to one worker, which starts one browser and one process to copy servers from;
+and all tests that start ROS processes to one worker, first of all and before the others, which yield to it. Each of
+them has a ROS domain of its own.
 """
 
 from __future__ import annotations
@@ -86,6 +87,8 @@ def _give_group(item: pytest.Item) -> None:
         return
     if item.get_closest_marker("ros"):
         item.add_marker(pytest.mark.xdist_group("ros"))
+    elif _folder(item.path) == "web":
+        item.add_marker(pytest.mark.xdist_group("web"))
     elif _folder(item.path) != "diagnosis":
         item.add_marker(pytest.mark.xdist_group(item.path.relative_to(HERE.parent).as_posix()))
 

@@ -17,6 +17,7 @@ from signlin_ros.arms.loaded import sentence
 from signlin_ros.arms.search import MIN_COEFFICIENT_ERRORS
 from signlin_ros.arms.study import Study
 from signlin_ros.arms.warmth import differing
+from signlin_ros.names import printed_name
 from signlin_ros.robots import Robot
 from signlin_ros.robots.inertia import TEN, least_eigenvalue_along, moved
 
@@ -41,7 +42,7 @@ def name_of(study: Study, key: Key) -> str:
 
 def as_good(study: Study, found: SearchResult) -> str:
     """Return the laws that are as good as one, those of other joints by their full names."""
-    own = [key.law.replace("_", " ") for key in found.rivals if key.at == found.key.at]
+    own = [printed_name(key.law) for key in found.rivals if key.at == found.key.at]
     rivals = [*own, *(name_of(study, key) for key in found.rivals if key.at != found.key.at)]
     return f" (or {', '.join(rivals)}: as good)" if rivals else ""
 
@@ -220,7 +221,7 @@ def _relieved(study: Study, relief: Relief, own: Sequence[int]) -> str:
             gains.append(f"{name}'s effort is {1.0 + value:.3g} ± {error:.1g} times what acts ({gain})")
         else:
             unit = f"{joint.effort_unit}/{joint.position_unit}"
-            springs.append(f"{value:.2g} ± {error:.1g} {unit} of {key.law.replace('_', ' ')} in {name}")
+            springs.append(f"{value:.2g} ± {error:.1g} {unit} of {printed_name(key.law)} in {name}")
     left = ", ".join(f"{relief.rms[i]:.3g} {study.robot.joints[i].effort_unit} of {study.names[i]}'s" for i in own)
     said = f"what is measured behind the gears shows {'; '.join([*springs, *gains])}"
     beside = f"beside that, bodies and motors that exist leave {left}"

@@ -18,6 +18,7 @@ from signlin_ros.arms.piece import RegressionRows
 from signlin_ros.arms.study import Study
 from signlin_ros.arms.told import CANNOT
 from signlin_ros.arms.verbs import ArmComparison, ArmDiagnosis
+from signlin_ros.names import printed_name
 from signlin_ros.plotting import EXACT_COLOUR, MIDPOINT, START_COLOUR, legend_above, styled
 from signlin_ros.report.files import write_report
 from signlin_ros.report.page import Block, Code, Items, Page, Picture, ReportTable, Section, Text
@@ -69,10 +70,10 @@ def _split(line: str) -> tuple[str, str]:
 
 
 def _lead(content: Mapping[str, Any]) -> str:
-    named = [entry["effect"] for entry in content.get("ranking", [])]
+    named = [printed_name(entry["effect"]) for entry in content.get("ranking", [])]
     named += [f"a coupling of {' and '.join(pair)}" for pair in content.get("found_couplings", [])]
     if named:
-        return f"{', '.join(name.replace('_friction', ' friction') for name in named)}."
+        return f"{', '.join(named)}."
     shares = {n: j["model"] / j["effort"] for n, j in content["joints"].items() if j["model"] and j["effort"]}
     if not shares:
         return "No joint moves enough to tell anything."

@@ -31,6 +31,7 @@ from signlin_ros.arms.search import MIN_COEFFICIENT_ERRORS
 from signlin_ros.arms.study import Study, unseen_noise
 from signlin_ros.arms.verbs import LINEAR_PARAMETERS, ArmComparison, ArmDiagnosis, MissingLaw
 from signlin_ros.effects import find_effect
+from signlin_ros.names import printed_name
 from signlin_ros.plants.joint import joint_plant
 from signlin_ros.recording.trace import resolve_unit
 
@@ -350,7 +351,7 @@ def _left_out(study: Study, missing: MissingLaw) -> dict[str, Any]:
             for k, other in enumerate(study.names)
         },
         "indistinguishable_from": [],
-        "why": f"{missing.effect.replace('_', ' ')} of {missing.value:.3g} {unit}, which the file leaves out: "
+        "why": f"{printed_name(missing.effect)} of {missing.value:.3g} {unit}, which the file leaves out: "
         + _fall(missing.before[i], missing.after[i], study, i),
     }
 

@@ -94,9 +94,7 @@ def with_measured(model: Model, measured: Collection[str]) -> Model:
 
 def bare(model: Model) -> Model:
     """Return the plant without any effect."""
-    for key in list(model.effects):
-        model = model.without_effect(key)
-    return model
+    return model.without_effect(*model.effects)
 
 
 def mass(model: Model) -> float:

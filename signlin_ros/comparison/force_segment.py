@@ -5,7 +5,6 @@ the net force. In holes of a channel nothing is compared.
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -375,7 +374,7 @@ def asked_effort(model: Model, force_segment: ForceSegment) -> Array:
     left = force_segment.seen(_missing(model, force_segment, equations.rate, x) * inert)
     own = [k for k, use in effects if find_effect(use.type, "effects").input is not Effect.input]
     if own and "current" not in force_segment.values:
-        whole = functools.reduce(lambda m, key: m.without_effect(key), own, model)
+        whole = model.without_effect(*own)
         before, after = (float(np.mean(_driven_by(m, force_segment) ** 2)) for m in (whole, model))
         return left / max(float(np.sqrt(min(after / max(before, 1e-300), 1.0))), MIN_DRIVING_PART)
     if equations.effort_slopes is None:

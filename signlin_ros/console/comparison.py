@@ -7,7 +7,7 @@ from typing import Any
 
 from signlin_ros.console.tables import short, table
 from signlin_ros.digits import with_error
-from signlin_ros.names import AS_GIVEN, MISSING_FORCE_ROW, REFITTED_ROW, SENSOR_NOISE_ROW
+from signlin_ros.names import AS_GIVEN, MISSING_FORCE_ROW, REFITTED_ROW, SENSOR_NOISE_ROW, printed_name
 
 
 def check_text(content: dict[str, Any]) -> str:
@@ -135,14 +135,14 @@ def _named(content: dict[str, Any]) -> str:
     lines += [f"{e['effect']}: {e['status']}\n    {e['why']}" for e in best]
     if unseen:
         lines.append(f"this record cannot tell: {', '.join(unseen)}")
-    ties = {t.replace("_", " ") for e in shown for t in (e["effect"], *e["indistinguishable_from"])}
+    ties = {printed_name(t) for e in shown for t in (e["effect"], *e["indistinguishable_from"])}
     lines += [text for text in content["experiments"] if any(f"to decide on {t}:" in text for t in ties)]
     return "\n".join(lines)
 
 
 def _in_place(entry: dict[str, Any]) -> str:
     """Return a line on the effects that are as good in the place of one; empty where none is."""
-    names = ", ".join(t.replace("_", " ") for t in entry["indistinguishable_from"])
+    names = ", ".join(printed_name(t) for t in entry["indistinguishable_from"])
     told = "as good in its place" if entry["status"] == "ambiguous" else "richer laws that do no better"
     return f"\n    {told}: {names}" if names else ""
 

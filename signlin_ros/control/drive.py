@@ -74,10 +74,7 @@ NO_FORCES = ("input_delay", "sensor_offset", "sensor_gain", "sensor_delay")
 
 def friction_free(model: Model) -> Model:
     """Return a model without its effects, but for delays and sensors: what a data sheet tells of a drive."""
-    for key, use in model.effects.items():
-        if use.type not in NO_FORCES:
-            model = model.without_effect(key)
-    return model
+    return model.without_effect(*(key for key, use in model.effects.items() if use.type not in NO_FORCES))
 
 
 def resting(plant: Drive, position: float) -> Array:

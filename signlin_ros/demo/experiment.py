@@ -22,6 +22,7 @@ import numpy as np
 from signlin_ros.demo.processes import DemoError, prefix
 from signlin_ros.errors import MissingExtraError, SignlinError
 from signlin_ros.model import Model
+from signlin_ros.names import printed_name
 from signlin_ros.simulation import simulate
 
 RECORD_STEP, RECORD_LENGTH = 0.01, 8.0
@@ -110,7 +111,7 @@ def tell(folder: Path) -> dict[str, Any]:
     found = signlin(folder, "diagnose", "model.yaml", "first.csv")
     (folder / "diagnosis.json").write_text(json.dumps(found), encoding="utf-8")
     click.echo(f"  {found['sentence']}")
-    ties = [t.replace("_", " ") for e in found["ranking"][:1] for t in e["indistinguishable_from"]]
+    ties = [printed_name(t) for e in found["ranking"][:1] for t in e["indistinguishable_from"]]
     click.echo(f"  as good: {', '.join(ties) or 'nothing'}")
     between = "coulomb_friction,constant_load"
     click.echo(f"\nsignlin experiment diagnosis.json --between {between} --limit voltage={VOLTAGE:g},speed={SPEED:g}:")

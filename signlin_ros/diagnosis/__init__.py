@@ -12,7 +12,7 @@ from __future__ import annotations
 from signlin_ros.lazy import exports
 
 _EXPORTS = {
-    "Comparison": "comparison",
+    "Comparison": "compared",
     "Diagnosis": "results",
     "Missing": "signlin_ros.comparison.missing",
     "Noise": "signlin_ros.noise",

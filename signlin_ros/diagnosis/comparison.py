@@ -6,21 +6,18 @@ estimated before it, ``inverse``: the effort that the measured motion should hav
 
 from __future__ import annotations
 
-import html
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
 from itertools import chain
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.comparison.inverse import Efforts, InverseError
+from signlin_ros.comparison.inverse import Efforts
 from signlin_ros.comparison.locate import Region, by_direction, locate
 from signlin_ros.comparison.missing import Missing, missing
 from signlin_ros.comparison.residuals import ResidualTest, residual_test
-from signlin_ros.comparison.scores import Score, follows_nothing, score, unfollowed
+from signlin_ros.comparison.scores import follows_nothing, score
+from signlin_ros.diagnosis.compared import ChannelScores, Comparison, Traces, lost
 from signlin_ros.diagnosis.criteria import DEFAULT_CRITERIA
 from signlin_ros.diagnosis.dataset import Dataset, Records, dataset_of
 from signlin_ros.diagnosis.evidence import Evidence, evidence_beside, refitted_evidence
@@ -29,14 +26,13 @@ from signlin_ros.diagnosis.output_error import FitCache, estimator_of
 from signlin_ros.diagnosis.progress import Progress
 from signlin_ros.diagnosis.results import FirstRows
 from signlin_ros.diagnosis.rows import first_rows
-from signlin_ros.errors import InputError, joined
+from signlin_ros.errors import InputError
 from signlin_ros.follow.data import Segment, as_list, measured_channels, stretches, unit_asked
 from signlin_ros.follow.freerun import FreeRun, free_run
 from signlin_ros.follow.observer import OBSERVER_TRUSTS, Observer
 from signlin_ros.follow.outliers import without_outliers
 from signlin_ros.follow.segments import pieces
 from signlin_ros.follow.tracking import mean_square
-from signlin_ros.lazy import drawn_by, frame
 from signlin_ros.model import Model
 from signlin_ros.noise import Noise, noise_level, sensor_noise
 from signlin_ros.predict import windows
@@ -50,136 +46,6 @@ TRUSTING = 0.003
 FOR_NOISE = (0.001, 0.003, 0.01, 0.03)
 """Observers whose residuals are asked for the colour of the noise."""
 NO_SITUATION = "no situation that was looked at holds significantly more of the error than of the time"
-
-
-@dataclass(frozen=True)
-class ChannelScores:
-    """A measured channel: unit, ``sigma`` of its sensor's noise, by which all verbs tell errors, ``noise`` with the
-    colour that what the model leaves tells of it, and what its predictions are worth (None: see the notes).
-    """
-
-    unit: str
-    sigma: float
-    noise: Noise
-    free_run: Score | None
-    windowed: Score | None
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the channel as the contract writes it, with the noise's colour and step."""
-        noise = {"noise": self.sigma, "noise_correlation": self.noise.rho, "quantum": self.noise.quantum}
-        scores = {"free_run": self.free_run, "windowed": self.windowed}
-        return {"unit": self.unit, **noise, **{name: s.to_json() if s else None for name, s in scores.items()}}
-
-
-@dataclass(frozen=True, eq=False)
-class Traces:
-    """A stretch as measured and as predicted, (T, channels) each, NaN where there is nothing; ``states`` (T, n): causal
-    estimates of an observer; ``residual``: innovations of one that trusts the model.
-    """
-
-    source: str
-    t: Array
-    u: Array
-    measured: Array
-    free: Array
-    windowed: Array
-    states: Array
-    residual: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Comparison:
-    """A model held against measurements; ``to_json`` is what `signlin compare --json` prints.
-
-    By name: ``channels``, ``inverse`` (at most one), ``residual_tests``, ``directions`` (means of what is missing by
-    direction of motion), ``units``. ``where``: regions in which the error is concentrated, the worst first; ``horizon``
-    s; ``traces`` and ``missing`` (what the equations lack) of each stretch without a gap. ``refit`` finds first rows.
-    """
-
-    model: Model
-    channels: dict[str, ChannelScores]
-    inverse: dict[str, InverseError]
-    where: tuple[Region, ...]
-    residual_tests: dict[str, ResidualTest]
-    horizon: float
-    samples: int
-    sources: tuple[str, ...]
-    notes: tuple[str, ...]
-    directions: dict[str, dict[str, dict[str, float]]]
-    units: dict[str, str]
-    traces: tuple[Traces, ...] = field(repr=False)
-    missing: tuple[Missing, ...] = field(repr=False)
-    refit: Callable[[], FirstRows] = field(repr=False)
-
-    @cached_property
-    def first_rows(self) -> FirstRows | None:
-        """The model as given and its base refitted, when first asked for; None where `without_rows` says why."""
-        return self._first_rows[0]
-
-    @property
-    def without_rows(self) -> str:
-        """Why there are no first rows; empty where there are."""
-        return self._first_rows[1]
-
-    @cached_property
-    def _first_rows(self) -> tuple[FirstRows | None, str]:
-        try:
-            return self.refit(), ""
-        except InputError as error:
-            return None, f"the model was not refitted: {error}"
-
-    def to_frame(self) -> Any:
-        """Return RMS errors of each channel as a pandas DataFrame, beside its unit and noise: of the free run, and over
-        the horizon on training and validation data, as given and refitted: the numbers of every diagnosis. Where the
-        model could not be refitted, `without_rows`, ``windowed`` stands in their place.
-        """
-        columns: dict[str, Any] = {
-            "channel": list(self.channels),
-            "unit": [c.unit for c in self.channels.values()],
-            "noise": [c.sigma for c in self.channels.values()],
-            "free_run": [_rmse(c.free_run) for c in self.channels.values()],
-        }
-        rows = self.first_rows
-        if rows is None:
-            return frame(columns | {"windowed": [_rmse(c.windowed) for c in self.channels.values()]}, index="channel")
-        for name, row in (("given", rows.given), ("refitted", rows.refitted)):
-            for data, scores in (("training", row.estimation), ("validation", row.validation)):
-                columns[f"{data}_{name}"] = [_rmse(scores.channels.get(c)) for c in self.channels]
-        return frame(columns, index="channel")
-
-    plot = drawn_by("signlin_ros.report.pictures", "measured_and_simulated")
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the JSON object of schemas/compare.json."""
-        return {
-            "channels": {name: c.to_json() for name, c in self.channels.items()},
-            "inverse": {name: i.to_json() for name, i in self.inverse.items()},
-            "where": [region.to_json() for region in self.where],
-            "residual_tests": {name: t.to_json() for name, t in self.residual_tests.items()},
-            "missing": {m.name: {**m.to_json(), **self.directions.get(m.name, {})} for m in self.missing},
-            "horizon": self.horizon,
-            "model": self.model.source,
-            "data": list(self.sources),
-            "samples": self.samples,
-            "notes": [*self._told(), *([self.without_rows] if self.without_rows else [])],
-            "first_rows": self.first_rows.to_json() if self.first_rows else None,
-        }
-
-    def _told(self) -> list[str]:
-        """Return the notes; what the model follows once its numbers are refitted is not put down to the record."""
-        names = lost(self.channels)
-        after = self.first_rows.refitted.validation.channels if names and self.first_rows else {}
-        fits = {name: after[name].fit_percent for name in names if name in after}
-        if not fits or set(unfollowed({n: after[n] for n in fits})) or len(fits) < len(names):
-            return list(self.notes)
-        told = joined([f"{name} ({fit:.0f} % of fit)" for name, fit in fits.items() if fit is not None])
-        kept = [note for note in self.notes if note != follows_nothing(names)]
-        return [*kept, f"as given the model does not follow, refitted it does: {told}; its numbers are off"]
-
-    def _repr_html_(self) -> str:
-        from signlin_ros.console import compare_text
-
-        return f"<pre>{html.escape(compare_text(self.to_json()))}</pre>"
 
 
 def compare_efforts(model: Model, data: Records, cutoff: float | None = None) -> Efforts | None:
@@ -311,12 +177,6 @@ def _horizon(model: Model, given: float | None, step: float) -> float:
     raise InputError(f"{apart}{unit_asked(step)}; else give a horizon of at least two samples, {2 * step:.3g} s")
 
 
-def lost(channels: Mapping[str, ChannelScores]) -> list[str]:
-    """Return the channels that the model follows neither freely nor over windows."""
-    ahead = unfollowed({name: c.windowed for name, c in channels.items() if c.windowed})
-    return [name for name in ahead if (free := channels[name].free_run) is None or unfollowed({name: free})]
-
-
 def _remarks(
     observer: Observer, channels: Mapping[str, ChannelScores], lacking: Sequence[Missing], where: Sequence[Region]
 ) -> list[str]:
@@ -355,11 +215,6 @@ def _free(observer: Observer, notes: list[str]) -> list[FreeRun]:
     runs = [free_run(tracker, x[0], observer.reach, observer.effective) for tracker, x in pairs]
     notes += [f"{s.source}: no free run: {run.why}" for s, run in zip(observer.stretches, runs, strict=True) if run.why]
     return runs
-
-
-def _rmse(found: Score | None) -> float:
-    """Return the RMS error of a score, in the channel's unit; nan where there is none."""
-    return np.nan if found is None else found.rmse
 
 
 def _windowed(observer: Observer, horizon: float, notes: list[str]) -> list[Array]:
@@ -401,4 +256,4 @@ def _scored(
     return found
 
 
-__all__ = ["ChannelScores", "Comparison", "Traces", "compare", "compare_efforts", "lost"]
+__all__ = ["compare", "compare_efforts"]

@@ -127,9 +127,8 @@ def effect_evidence(evidence: Evidence, fitted: FittedModel, effect: str) -> Eff
 
 def _lacking(force: EquationErrorResult, fitted: FittedModel, effect: str) -> tuple[Array, Array]:
     """Return the force (N,) that is missing without an effect, and what the effect makes of it, on validation data."""
-    less = fitted.model
-    for key in [k for k, use in less.effects.items() if use.type == effect and k not in force.given.effects]:
-        less = less.without_effect(key)
+    model = fitted.model
+    less = model.without_effect(*(key for key in model.keys_of(effect) if key not in force.given.effects))
     without, with_it = (force.validation.force_residual(m) for m in (less, fitted.model))
     return without, without - with_it
 

@@ -187,9 +187,7 @@ class Evidence:
         known = not self.dataset.plant.motion_is_imposed() and self.force_comparable(f, delays)
         if self.equation_error is None or not delays or not known:
             return None
-        keys, model = [k for k, use in f.added.items() if use.type in delays], f.model
-        for key in keys:
-            model = model.without_effect(key)
+        model = f.model.without_effect(*(k for k, use in f.added.items() if use.type in delays))
         return self.equation_error.mse_with_later_inputs(model, f.model.delay - model.delay)
 
     def force_mse(self, f: FittedModel) -> Array | None:

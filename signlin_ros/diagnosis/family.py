@@ -126,9 +126,7 @@ class FamilyChoice:
 
     def _started(self, proposal: FittedModel, name: str, other: str) -> Model:
         """Return a fitted model with another law in place of one, as the equation-error estimate fitted it alone."""
-        model = proposal.model
-        for key in [k for k, use in model.effects.items() if use.type == name]:
-            model = model.without_effect(key)
+        model = proposal.model.without_effect(*proposal.model.keys_of(name))
         return model.with_effect(other, None, **self.force.values(self.evidence.laws[other], other))
 
     # ------------------------------------------------------------ where the motion is imposed

@@ -14,6 +14,7 @@ from signlin_ros.errors import joined
 from signlin_ros.lazy import drawn_by, frame
 from signlin_ros.markup import html_table
 from signlin_ros.model import Model
+from signlin_ros.names import printed_name
 
 if TYPE_CHECKING:
     from signlin_ros.diagnosis.findings import Findings
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
 def listed(names: Iterable[str]) -> str:
     """Return effects in words."""
-    return joined([n.replace("_", " ") for n in names])
+    return joined([printed_name(n) for n in names])
 
 
 def _json(value: Any) -> Any:

@@ -206,9 +206,8 @@ def _pairs_merged(motion: OutputErrorEstimator, final: FittedModel) -> list[Fitt
         values = effect.instead(others) if all(others.values()) and name not in final.effects else {}
         if not values:
             continue
-        model, kept = final.model, tuple(n for n in final.effects if n not in pair)
-        for key in [k for k, use in model.effects.items() if use.type in pair]:
-            model = model.without_effect(key)
+        kept = tuple(n for n in final.effects if n not in pair)
+        model = final.model.without_effect(*final.model.keys_of(*pair))
         with contextlib.suppress(SignlinError):
             model = model.with_effect(name, free_key(model, name), **completed(motion.training, effect, values))
             found.append(motion.fitted((*kept, name), model))

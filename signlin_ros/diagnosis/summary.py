@@ -18,8 +18,8 @@ from signlin_ros.diagnosis.rivals import rivals
 from signlin_ros.diagnosis.rows import first_rows, force_left, force_percent, row
 from signlin_ros.diagnosis.verdict import Verdict
 from signlin_ros.diagnosis.wording import closed_loops, phrases, verdicts
+from signlin_ros.diagnosis.wording.planned_rivals import told as rivals_told
 from signlin_ros.diagnosis.wording.reasons import REASONS
-from signlin_ros.diagnosis.wording.rivals import told as rivals_told
 from signlin_ros.effects import EFFECTS, find_effect, kin_of
 from signlin_ros.errors import InputError
 from signlin_ros.fitting.settled import restored

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 
 from signlin_ros.digits import with_error
 from signlin_ros.errors import joined
+from signlin_ros.names import printed_name
 from signlin_ros.par import HasPars, Pars, declared_name, gathered, place_of
 from signlin_ros.scale import Scale
 from signlin_ros.sensors import Sensor
@@ -129,7 +130,7 @@ class Effect(HasPars):
         """Return the sentence on what a record shows: `finding`, or one made of the name and the parameters."""
         if cls.finding:
             return cls.finding.format(F=F, Q=Q, V=V, **gathered(values))
-        name = cls.name.replace("_", " ")
+        name = printed_name(cls.name)
         what = f"the residual {F} has the shape of {name}" if cls.force is not Effect.force else f"it shows {name}"
         listed = [f"{n} = {v:.3g}" + (f" {v.unit}" if v.unit not in ("", "-") else "") for n, v in values.items()]
         return f"{what}, with {joined(listed)}" if listed else what
@@ -273,7 +274,7 @@ class SensorEffect(Effect):
         """Return the sentence on what a record shows of it on a channel."""
         if cls.finding:
             return cls.finding.format(channel=channel, value=value, unit=value.unit)
-        return f"the {channel} shows {cls.name.replace('_', ' ')}: {value:.3g} {value.unit}".removesuffix(" -").rstrip()
+        return f"the {channel} shows {printed_name(cls.name)}: {value:.3g} {value.unit}".removesuffix(" -").rstrip()
 
     @classmethod
     def pars_on(cls, channels: Mapping[str, str]) -> Pars:

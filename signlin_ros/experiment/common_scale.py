@@ -17,6 +17,7 @@ from signlin_ros.errors import InputError
 from signlin_ros.experiment.contenders import Contender
 from signlin_ros.model import Model
 from signlin_ros.model.numbers import declared
+from signlin_ros.names import PROPER_NAMES
 from signlin_ros.par import POWER_DIGITS
 from signlin_ros.recording.trace import resolve_unit
 
@@ -45,6 +46,8 @@ def unscaled(name: str) -> str:
 
 
 def _parts(name: str) -> list[str]:
+    for key, proper in PROPER_NAMES.items():
+        name = name.replace(proper, key)
     return [part.strip().replace(" ", "_") for part in name.split("+")]
 
 

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.discrimination import PlannedRival
-from signlin_ros.effects import EFFECTS
-from signlin_ros.effects.base import SensorEffect
 from signlin_ros.errors import SimulationError
 from signlin_ros.experiment.sizes import Size, size_of
 from signlin_ros.fitting.candidate import Candidate, candidate
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.model import Model
 from signlin_ros.model.numbers import numbers
+from signlin_ros.model.uses import is_sensor
+from signlin_ros.names import printed_name
 from signlin_ros.simulation import Trajectory, simulate
 
 Array = NDArray[np.float64]
@@ -52,7 +52,7 @@ class Contender:
     @property
     def name(self) -> str:
         """What it is called."""
-        own = " with ".join(n.replace("_", " ") for n in self.effects) or "nothing more"
+        own = " with ".join(printed_name(n) for n in self.effects) or "nothing more"
         return own if self.scale == 1.0 else f"{own} with all forces {100 * (self.scale - 1):g} % larger"
 
     @property
@@ -167,12 +167,11 @@ def contender(problem: Problem, model: Model, effects: Sequence[str], informatio
     """Return a model of the same plant with more effects as a contender; ``information``: see `Contender`, by default
     what priors know.
     """
-    base, sensors, whole = problem.base, dict[str, float](), model
-    for key, use in list(model.effects.items()):
-        if issubclass(EFFECTS[use.type], SensorEffect) and key not in base.effects:
-            sensors |= {f"{use.type}.{channel}": value for channel, value in use.parameters.items()}
-            model = model.without_effect(key)
-    sensors = {n: v for n, v in sensors.items() if n.partition(".")[2] in problem.channels}
+    base, whole = problem.base, model
+    added = {k: use for k, use in model.effects.items() if is_sensor(use) and k not in base.effects}
+    shown = [(use.type, channel, v) for use in added.values() for channel, v in use.parameters.items()]
+    sensors = {f"{kind}.{channel}": value for kind, channel, value in shown if channel in problem.channels}
+    model = model.without_effect(*added)
     keys = tuple(k for k in model.effects if k not in base.effects)
     model = model.with_options(with_position=base.with_position) if base.plant.position_optional else model
     c, given = candidate(problem, model, keys, sensors), numbers(base)

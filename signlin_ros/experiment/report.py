@@ -10,6 +10,7 @@ import numpy as np
 from signlin_ros.experiment.plan import ExperimentPlan
 from signlin_ros.experiment.preview import PreviewCurve
 from signlin_ros.experiment.search import ENOUGH, NEEDED_EVIDENCE
+from signlin_ros.names import printed_name
 from signlin_ros.plotting import EXACT_COLOUR, MIDPOINT, SHADE, START_COLOUR, legend_above, styled
 from signlin_ros.report.comparison import foot, number
 from signlin_ros.report.files import write_report
@@ -90,7 +91,7 @@ def _families(plan: ExperimentPlan) -> ReportTable:
     rows = []
     for row in plan.families:
         distance = number(row.distance) if row.real else "-"
-        asked = ", ".join(n.replace("_", " ") for n in row.texts[:3])
+        asked = ", ".join(printed_name(n) for n in row.texts[:3])
         rows.append([row.family, row.words, number(row.peak, plan.unit), distance, f"{100 * row.share:.0f} %", asked])
     return ReportTable(["family", "command", "peak", "distance", "limits", "asked for by"], rows, (2, 3, 4))
 

@@ -12,6 +12,7 @@ from signlin_ros.errors import joined
 from signlin_ros.experiment.common_scale import force_parameters
 from signlin_ros.experiment.plan import ExperimentPlan, PlanText
 from signlin_ros.experiment.search import ENOUGH, NEEDED_EVIDENCE
+from signlin_ros.names import printed_name
 
 if TYPE_CHECKING:
     from signlin_ros.experiment.distance import RivalBench
@@ -142,7 +143,7 @@ def notes(
 
 
 def _names(rivals: Sequence[KnownLimits]) -> str:
-    return joined([" with ".join(n.replace("_", " ") for n in r.effects) or "nothing more" for r in rivals])
+    return joined([" with ".join(printed_name(n) for n in r.effects) or "nothing more" for r in rivals])
 
 
 def _scale_notes(search: CommandSearch, told: Sequence[PlanText]) -> list[str]:

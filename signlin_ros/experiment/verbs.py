@@ -41,6 +41,7 @@ from signlin_ros.experiment.setting import (
     open_ones,
 )
 from signlin_ros.model import Model
+from signlin_ros.names import printed_name
 from signlin_ros.records import ModelData
 from signlin_ros.threads import one_thread
 
@@ -140,7 +141,7 @@ def designed(
         bench = replace(bench, likely=likely_ones(bench))
     if bench is None or len(rivals) < 2:
         name = "+".join(rivals[0].effects) if rivals else "nothing"
-        why = f"nothing to tell apart: these records leave only one model, with {name.replace('_', ' ')}"
+        why = f"nothing to tell apart: these records leave only one model, with {printed_name(name)}"
         raise InputError(f"{why}; --between A,B names others" if not wishes.between else "--between: name two rivals")
     if bench.problem.plant.motion_is_imposed():
         raise InputError(f"the plant {given.plant.name} has its motion imposed: a command cannot be designed for it")

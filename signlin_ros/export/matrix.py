@@ -82,9 +82,8 @@ def bench() -> Model:
 
 def servo_bench() -> Model:
     """Return the XL-330 servo on its arm without friction, torque on and supply constant."""
-    bare = Model.load("xl330_servo")
-    for key in bare.effects:
-        bare = bare.without_effect(key)
+    servo = Model.load("xl330_servo")
+    bare = servo.without_effect(*servo.effects)
     used = {name: value for name, value in bare.operating_range.items() if name != "supply"}
     return bare.with_options(with_inputs=(), operating_range=used, signals={})
 

@@ -100,11 +100,12 @@ class ArmModel(Model):
         section["effects"] = {**section.get("effects", {}), key.partition(".")[2]: {"type": name, **values}}
         return ArmModel.from_dict({**content, joint: section}, self.source, self.folder)
 
-    def without_effect(self, key: str) -> ArmModel:
-        """Return a model without one effect."""
-        if key not in self.effects:
-            raise ModelError(f"{key}: is not in the model; there are: {choices(self.effects)}")
-        return replace(self, effects={k: use for k, use in self.effects.items() if k != key})
+    def without_effect(self, *keys: str) -> ArmModel:
+        """Return a model without some effects, by their keys."""
+        unknown = next((key for key in keys if key not in self.effects), None)
+        if unknown is not None:
+            raise ModelError(f"{unknown}: is not in the model; there are: {choices(self.effects)}")
+        return replace(self, effects={k: use for k, use in self.effects.items() if k not in keys})
 
     def with_parameters(self, values: Mapping[str, Any] | None = None, **more: Any) -> ArmModel:
         """Return a model with other numbers: ``{"elbow_joint.motor_inertia": 1.3}``."""

@@ -157,21 +157,29 @@ class Model:
         pars = Pars({n: p for n, p in pars.items() if not (p.free_standing and self._has_spring)})
         return self._changed(effects={**self._written, key: {"type": type, **nominal(pars, given), **given}})
 
-    def without_effect(self, key: str) -> Model:
-        """Return a model without one effect; what options say of states that go with it goes, too."""
-        if key not in self.effects:
-            raise ModelError(f"effects.{key}: is not in the model; there are: {choices(self.effects)}")
-        kept = [n for n in self.per_record if n.partition(".")[0] != key]
+    def without_effect(self, *keys: str) -> Model:
+        """Return a model without some effects, by their keys; what options say of states that go with them goes."""
+        unknown = next((key for key in keys if key not in self.effects), None)
+        if unknown is not None:
+            raise ModelError(f"effects.{unknown}: is not in the model; there are: {choices(self.effects)}")
+        if not keys:
+            return self
+        kept = [n for n in self.per_record if n.partition(".")[0] not in keys]
         tables = {name: getattr(self, name) for name in ("state_weights", "initial_state", "operating_range")}
         scale = self.sign_scale or Model.sign_scale
-        effects = {k: use for k, use in self._written.items() if k != key}
-        signals = {name: column for name, column in self.signals.items() if not name.startswith(f"{key}.")}
+        effects = {k: use for k, use in self._written.items() if k not in keys}
+        own = tuple(f"{key}." for key in keys)
+        signals = {name: column for name, column in self.signals.items() if not name.startswith(own)}
         cleared = {"signals": signals, **{name: {} for name in tables}}
         bare = self._changed(effects=effects, per_record=kept, sign_scale=scale, **cleared)
         there = (*bare.states, *bare.inputs, *bare.outputs)
         left = {option: {n: v for n, v in table.items() if n in there} for option, table in tables.items()}
         ranged = left["operating_range"] or not self.operating_range
         return bare._changed(sign_scale=self.sign_scale if ranged else scale, **left)
+
+    def keys_of(self, *types: str) -> list[str]:
+        """Return the keys of the effects of some types."""
+        return [key for key, use in self.effects.items() if use.type in types]
 
     @property
     def _written(self) -> dict[str, dict[str, Any]]:

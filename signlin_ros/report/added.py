@@ -9,7 +9,7 @@ from typing import Any
 from signlin_ros.console import error_rows
 from signlin_ros.diagnosis.results import Diagnosis
 from signlin_ros.model import Model
-from signlin_ros.names import AS_GIVEN, REFITTED_ROW
+from signlin_ros.names import AS_GIVEN, REFITTED_ROW, capitalised, printed_name
 from signlin_ros.report.diagnosis import evidence_blocks
 from signlin_ros.report.formulas import formula
 from signlin_ros.report.page import Block, ReportTable, Section, Text
@@ -28,7 +28,7 @@ def added_section(steps: Sequence[Added], model: Model) -> Section:
     """Return the section: for each step its formula, sentence and evidence; then the errors from step to step."""
     blocks: list[Block] = []
     for step in steps:
-        blocks += [Text(step.effect.replace("_", " ").capitalize(), "head"), formula(step.effect, model)]
+        blocks += [Text(capitalised(printed_name(step.effect)), "head"), formula(step.effect, model)]
         blocks.append(Text(step.content["sentence"]))
         blocks += evidence_blocks(step.result, step.effect) if step.result is not None else []
     return Section("What was added to the model", [*blocks, _errors(steps)] if steps else [])
@@ -36,7 +36,7 @@ def added_section(steps: Sequence[Added], model: Model) -> Section:
 
 def lead_of(steps: Sequence[Added]) -> str:
     """Return the first sentence of a report on the additions."""
-    names = [step.effect.replace("_", " ") for step in steps]
+    names = [printed_name(step.effect) for step in steps]
     return f"The model has {' and '.join(names)}, added from these records." if names else ""
 
 
@@ -48,7 +48,7 @@ def _errors(steps: Sequence[Added]) -> ReportTable:
         if k == 0:
             named += [(AS_GIVEN, given)] if given else []
             named.append((REFITTED_ROW if given else AS_GIVEN, ladder[0]))
-        named.append((f"+ {step.effect.replace('_', ' ')}", ladder[-1]))
+        named.append((f"+ {printed_name(step.effect)}", ladder[-1]))
     head = ["model", "channel", "data of the fit", "over noise", "validation data", "fit", "over noise"]
     return ReportTable(head, error_rows(named), right=range(2, 7))
 

@@ -11,7 +11,8 @@ from signlin_ros import __version__
 from signlin_ros.checks.finding import Finding
 from signlin_ros.comparison.scores import Score
 from signlin_ros.console import error_rows
-from signlin_ros.diagnosis.comparison import NO_SITUATION, Comparison
+from signlin_ros.diagnosis.compared import Comparison
+from signlin_ros.diagnosis.comparison import NO_SITUATION
 from signlin_ros.diagnosis.results import LadderRow
 from signlin_ros.errors import SignlinError
 from signlin_ros.names import AS_GIVEN, AT_NOISE_RATIO, REFITTED_ROW

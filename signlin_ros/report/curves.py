@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.comparison.equations import mass
-from signlin_ros.diagnosis.comparison import Comparison, Traces
+from signlin_ros.diagnosis.compared import Comparison, Traces
 from signlin_ros.follow.tracking import Tracker
 from signlin_ros.model import Model
 

@@ -7,14 +7,15 @@ from dataclasses import replace
 from pathlib import Path
 
 from signlin_ros.checks.finding import Finding
-from signlin_ros.diagnosis.comparison import Comparison, compare
+from signlin_ros.diagnosis.compared import Comparison
+from signlin_ros.diagnosis.comparison import compare
 from signlin_ros.diagnosis.effect_evidence import EffectEvidence
 from signlin_ros.diagnosis.results import Diagnosis, ParameterEstimate, RankingEntry
 from signlin_ros.errors import SignlinError
 from signlin_ros.fitting.prepare import held_out
 from signlin_ros.model import Model
 from signlin_ros.model.numbers import numbers
-from signlin_ros.names import AS_GIVEN, REFITTED_ROW
+from signlin_ros.names import AS_GIVEN, REFITTED_ROW, capitalised, printed_name
 from signlin_ros.records import ModelData
 from signlin_ros.report import diagnosis_pictures as drawn
 from signlin_ros.report import pictures
@@ -117,7 +118,7 @@ def _shown(d: Diagnosis) -> list[Block]:
     blocks: list[Block] = []
     for entry in d.missing:
         likeness = "" if entry.status in ("confirmed", "ambiguous") else ": a likeness, not the cause"
-        name = entry.effect.replace("_", " ").capitalize()
+        name = capitalised(printed_name(entry.effect))
         blocks += [Text(f"{name}{likeness}", "head"), formula(entry.effect, d.model)]
         blocks += [Text(f"{entry.why[:1].upper()}{entry.why[1:]}."), *_tie(entry), *_evidence(d, entry)]
     if not d.missing and d.verdict == "unexplained":
@@ -149,13 +150,13 @@ def _nearest(d: Diagnosis) -> list[Block]:
     found = d.findings.effects.get(name) if d.findings else None
     if found is None:
         return []
-    text = f"The nearest of the listed effects is {name.replace('_', ' ')}; it does not explain the residual."
+    text = f"The nearest of the listed effects is {printed_name(name)}; it does not explain the residual."
     return [Text(text), _picture(found, name)]
 
 
 def _picture(e: EffectEvidence, effect: str) -> Picture:
     place = e.place.name.split(" [", maxsplit=1)[0]
-    name, source = effect.replace("_", " "), names_of(e.sources)
+    name, source = printed_name(effect), names_of(e.sources)
     caption = (
         f"Left: the force that the measured motion takes beyond the model without {name}, over {place}; in blue, the"
         f" same computed with it. {_second(e)}"
@@ -170,13 +171,13 @@ def _second(e: EffectEvidence) -> str:
         return ""
     if not e.rival.effect:
         return "Beside it: the same with nothing in its place, all other parameters fitted anew. "
-    return f"Beside it: the same with {e.rival.effect.replace('_', ' ')} instead, all parameters fitted anew. "
+    return f"Beside it: the same with {printed_name(e.rival.effect)} instead, all parameters fitted anew. "
 
 
 def _fits(e: EffectEvidence) -> str:
     """Return the parameters of what is shown, as fitted."""
     shown = [x for x in (e.named, e.rival) if x is not None and x.parameters]
-    return "".join(f"Fitted {x.effect.replace('_', ' ')}: {_values(x.parameters)}. " for x in shown)
+    return "".join(f"Fitted {printed_name(x.effect)}: {_values(x.parameters)}. " for x in shown)
 
 
 # -------------------------------------------------------------------- errors
@@ -262,11 +263,9 @@ def _given(base: Model | None, name: str, e: ParameterEstimate) -> str:
 def _others(d: Diagnosis) -> list[Block]:
     """Return everything that was tried and did not make it, folded away; what does not apply in one line."""
     rest = [e for e in d.ranking if e not in d.missing and e.status != "not_applicable"]
-    outside = [e.effect.replace("_", " ") for e in d.ranking if e.status == "not_applicable"]
+    outside = [printed_name(e.effect) for e in d.ranking if e.status == "not_applicable"]
     blocks: list[Block] = [Items([(_status(e), e.why) for e in rest if e.status == "ambiguous"])] if rest else []
-    rows = [
-        [e.effect.replace("_", " "), e.status.replace("_", " "), _worst(e), e.why, _values(e.parameters)] for e in rest
-    ]
+    rows = [[printed_name(e.effect), e.status.replace("_", " "), _worst(e), e.why, _values(e.parameters)] for e in rest]
     head = ["effect", "status", "error over noise", "why", "fitted"]
     if rows:
         blocks.append(Fold(f"{len(rows)} other effects, best first", [ReportTable(head, rows, right=(2,))]))
@@ -276,7 +275,7 @@ def _others(d: Diagnosis) -> list[Block]:
 
 
 def _status(e: RankingEntry) -> str:
-    return f"{e.effect.replace('_', ' ')} ({e.status})"
+    return f"{printed_name(e.effect)} ({e.status})"
 
 
 def _worst(e: RankingEntry) -> str:
@@ -295,11 +294,9 @@ def _unknown(d: Diagnosis) -> list[Block]:
         ReportTable(["", "unit", "from", "to"], rows, right=(2, 3)),
     ]
     ties = [(e.effect, e.indistinguishable_from) for e in d.missing if e.indistinguishable_from]
-    quiet = [(e.effect.replace("_", " "), e.why) for e in d.ranking if e.status == "not_excited"]
+    quiet = [(printed_name(e.effect), e.why) for e in d.ranking if e.status == "not_excited"]
     if ties:
-        items = [
-            (a.replace("_", " "), f"as good by this record: {drawn.words(b).replace(' + ', ', ')}") for a, b in ties
-        ]
+        items = [(printed_name(a), f"as good by this record: {drawn.words(b).replace(' + ', ', ')}") for a, b in ties]
         blocks += [Text("Ties", "head"), Items(items)]
     if quiet:
         blocks += [Text("Effects that this record would not show", "head"), Items(quiet)]

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.comparison import Comparison
+from signlin_ros.diagnosis.compared import Comparison
 from signlin_ros.diagnosis.effect_evidence import EffectEvidence, Explanation
 from signlin_ros.diagnosis.results import Diagnosis, LadderRow
-from signlin_ros.names import AS_GIVEN, REFITTED_ROW, SENSOR_NOISE_ROW
+from signlin_ros.names import AS_GIVEN, REFITTED_ROW, SENSOR_NOISE_ROW, printed_name
 from signlin_ros.plotting import BARE, EXACT_COLOUR, JACOBIAN, MIDPOINT, SEQUENCE, START_COLOUR, legend_above, styled
 
 Array = NDArray[np.float64]
@@ -40,7 +40,7 @@ MAX_DRAWN_RATIO = 3.0
 
 def words(effects: Sequence[str]) -> str:
     """Return the names of effects as one says them."""
-    return " + ".join(e.replace("_", " ") for e in effects)
+    return " + ".join(printed_name(e) for e in effects)
 
 
 # -------------------------------------------------------------------- ladder

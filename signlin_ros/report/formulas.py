@@ -14,6 +14,7 @@ from signlin_ros.effects import Effect, find_effect
 from signlin_ros.effects.base import SensorEffect
 from signlin_ros.mathops import SympyMath
 from signlin_ros.model import Model
+from signlin_ros.names import printed_name
 from signlin_ros.par import Namespace, as_law_sees, declared_name, gathered, nominal_values, place_of
 from signlin_ros.plotting import styled
 from signlin_ros.report.page import Formula
@@ -31,7 +32,7 @@ OWN_STATE_SYMBOLS = {"position": "q_2", "velocity": "v_2", "temperature_rise": "
 def formula(effect: str, model: Model) -> Formula:
     """Return the law of an effect on a model's plant."""
     kind = find_effect(effect, "effects")
-    text = f"{kind.name.replace('_', ' ')}: {kind.equation}"
+    text = f"{printed_name(kind.name)}: {kind.equation}"
     try:
         lines = [] if _longest_list(kind, model) > MAX_WRITTEN_ELEMENTS else list(_lines(kind, model))
     except (ImportError, AttributeError, TypeError, ValueError):

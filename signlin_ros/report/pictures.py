@@ -16,7 +16,7 @@ from scipy.ndimage import uniform_filter1d
 from signlin_ros.comparison import bands
 from signlin_ros.comparison.missing import Missing
 from signlin_ros.console import per_second
-from signlin_ros.diagnosis.comparison import Comparison, Traces
+from signlin_ros.diagnosis.compared import Comparison, Traces
 from signlin_ros.errors import InputError
 from signlin_ros.noise import Noise
 from signlin_ros.plotting import EXACT_COLOUR, JACOBIAN, MIDPOINT, SEQUENCE, START_COLOUR, legend_above, shade, styled

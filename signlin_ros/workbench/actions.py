@@ -8,6 +8,7 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import Any
 
 from signlin_ros.errors import InputError
+from signlin_ros.names import printed_name
 from signlin_ros.workbench import columns, plans, questions
 from signlin_ros.workbench import trust as trusting
 from signlin_ros.workbench.formats import FILES
@@ -222,7 +223,7 @@ async def add(s: Session, args: Args) -> None:
     block = next(b for b in s.shown()["stages"] if b["id"] == "add")
     if effect not in (*block["offers"], *block["others"]):
         raise InputError(f"no such effect to add: {effect!r}")
-    s.start("add", f"adding {effect.replace('_', ' ')}", lambda: s.add(effect))
+    s.start("add", f"adding {printed_name(effect)}", lambda: s.add(effect))
 
 
 async def learn(s: Session, args: Args) -> None:

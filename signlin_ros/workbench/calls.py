@@ -22,6 +22,7 @@ from signlin_ros.errors import InputError
 from signlin_ros.filters import low_pass
 from signlin_ros.model import Model, shipped_models
 from signlin_ros.model.arm import ArmModel
+from signlin_ros.names import printed_name
 from signlin_ros.records import ModelData
 from signlin_ros.workbench import arrays, planning, sheet, tuning
 from signlin_ros.workbench.exporting import use
@@ -192,7 +193,7 @@ def _lost(result: Any, first: Any) -> list[dict[str, Any]]:
     whether the refitted one follows (None: there is none).
     """
     from signlin_ros.comparison.scores import MIN_FIT_PERCENT
-    from signlin_ros.diagnosis.comparison import lost
+    from signlin_ros.diagnosis.compared import lost
 
     found = []
     for name in lost(result.channels):
@@ -296,7 +297,7 @@ def experiment(args: Args, say: Say) -> Answer:
 def rivals(args: Args, say: Say) -> Answer:
     """Look at a file of rivals that came through the browser; return what they are called."""
     found = planning.rivals_of(args["file"], Path(args["file"]).parent, dropped=True)
-    return {"rivals": [" with ".join(one.effects).replace("_", " ") or "nothing more" for one in found]}
+    return {"rivals": [" with ".join(map(printed_name, one.effects)) or "nothing more" for one in found]}
 
 
 def add(args: Args, say: Say) -> Answer:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from signlin_ros.errors import joined
-from signlin_ros.names import AS_GIVEN, AT_NOISE_RATIO, REFITTED_ROW
+from signlin_ros.names import AS_GIVEN, AT_NOISE_RATIO, REFITTED_ROW, printed_name
 from signlin_ros.workbench import commands, plans
 from signlin_ros.workbench.formats import FILES
 from signlin_ros.workbench.questions import asked_of, described, question, result, script, used
@@ -149,7 +149,7 @@ def _judged(judged: dict[str, Any] | None) -> str:
 def _with_waves(sentence: str, values: dict[str, dict[str, str]]) -> str:
     """Return a sentence that says of an effect that repeats how often, and how large."""
     for effect, own in values.items():
-        words = effect.replace("_", " ")
+        words = printed_name(effect)
         if own.get("") and words in sentence:
             sentence = sentence.replace(words, f"{words} ({own['']})", 1)
     return sentence
@@ -182,7 +182,7 @@ def add(s: Session) -> dict[str, Any]:
         if not offers:
             text = "Nothing is named that the model does not have. Another effect may be added all the same."
         elif not sure:
-            part = ", ".join(name.replace("_", " ") for name in offers)
+            part = ", ".join(printed_name(name) for name in offers)
             text = f"Nothing is named: {part} would explain a part. What is missing can be learned as a curve."
     if last is not None:
         text = _with_waves(on_page(last["json"]["sentence"]), last["found"]["values"])
@@ -255,7 +255,7 @@ def _ladder(added: list[dict[str, Any]]) -> list[dict[str, Any]]:
         if k == 0:
             rungs += [_shown(AS_GIVEN, given)] if given else []
             rungs.append(_shown(REFITTED_ROW if given else AS_GIVEN, ladder[0]))
-        rungs.append(_shown(f"+ {one['step']['effect'].replace('_', ' ')}", ladder[-1]))
+        rungs.append(_shown(f"+ {printed_name(one['step']['effect'])}", ladder[-1]))
     return rungs
 
 

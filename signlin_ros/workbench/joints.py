@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 from typing import TYPE_CHECKING, Any
 
+from signlin_ros.names import printed_name
 from signlin_ros.workbench import commands
 from signlin_ros.workbench.questions import described, question, result
 from signlin_ros.workbench.stages import block, checked_first
@@ -53,10 +54,10 @@ def _compared(content: dict[str, Any]) -> str:
 
 
 def _diagnosed(content: dict[str, Any]) -> str:
-    names = [entry["effect"] for entry in content["ranking"]]
+    names = [printed_name(entry["effect"]) for entry in content["ranking"]]
     names += [f"a coupling of {' and '.join(pair)}" for pair in content["found_couplings"]]
     named = f": {', '.join(names)}" if names else ""
-    return f"{content['verdict'].capitalize()}{named}.".replace("_friction", " friction")
+    return f"{content['verdict'].capitalize()}{named}."
 
 
 def add(s: Session) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from typing import Any
 
 from signlin_ros.errors import InputError, one_line
 from signlin_ros.files import write_text
+from signlin_ros.names import printed_name
 from signlin_ros.workbench import columns, plans, questions, stages
 from signlin_ros.workbench.formats import FILES
 from signlin_ros.workbench.lane import FaultError, Lane, LaneCancelledError, RefusedError
@@ -334,7 +335,7 @@ class Session:
             then.callback(self.project.release, output)
             await self.asked(self.work, "add", asked)
         path = [*self.project.choices["path"], {"verb": "add", **asked}]
-        self.project.change(f"add {effect.replace('_', ' ')}", model=output, path=path, guessed=False)
+        self.project.change(f"add {printed_name(effect)}", model=output, path=path, guessed=False)
         await self._map()
         await self._checked()
         await self.compare()

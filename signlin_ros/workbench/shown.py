@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from signlin_ros.names import PROPER_NAMES
 from signlin_ros.workbench import columns, further, joints, stages
 from signlin_ros.workbench.questions import described
 from signlin_ros.workbench.wording import on_page
@@ -27,6 +28,7 @@ def shown(s: Session) -> dict[str, Any]:
     return {
         "id": p.id,
         "serial": s.serial,
+        "proper": PROPER_NAMES,
         "folder": p.place(),
         "busy": s.busy,
         "code": s.code,

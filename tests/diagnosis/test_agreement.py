@@ -527,7 +527,7 @@ SAID = {
     "noise": "Coulomb friction explains a part: on validation data",
     "far": "but only with base parameters that far from nominal.",
     "elsewhere": "but the model follows the data it was fitted to far better than the unseen ones: there it is faster",
-    "loop": "what is there is hysteresis (dahl presliding, play friction, lugre friction, bouc wen hysteresis, ",
+    "loop": "what is there is hysteresis (Dahl presliding, play friction, LuGre friction, Bouc-Wen hysteresis, ",
     "structure": "Coulomb friction explains a part: on validation data",
     "reversed": "With the sign of speed reversed",
 }
@@ -560,7 +560,7 @@ def test_every_reason_is_told(why, monkeypatch):
     ("percent", "changing", "told"),
     [
         (35.0, "", "and which loop it is cannot be told."),
-        (35.0, "loop of dahl presliding", "whose force changes slowly along the record, as that of what degrades."),
+        (35.0, "loop of Dahl presliding", "whose force changes slowly along the record, as that of what degrades."),
         (20.0, "", ""),
     ],
 )
@@ -769,7 +769,7 @@ def test_every_number_in_a_sentence_is_in_the_tables(final, force, conflict):
 def test_a_sentence_names_what_falls_and_by_how_much():
     j = judged(COULOMB, force=sees())
     text = j.sentence
-    assert text.startswith("The model lacks coulomb friction: on validation data the missing force falls from ")
+    assert text.startswith("The model lacks Coulomb friction: on validation data the missing force falls from ")
     assert "the error of speed over 0.2 s from " in text
     a, b = numbers(text)[:2]
     assert b < a
@@ -904,7 +904,7 @@ def test_what_would_take_most_away_but_not_surely_is_told_with_the_number_of_its
     j = judged(odd, odd, equation_error_stub(*LAWS))
     j.evidence.cache.keep(COULOMB)
     text = j.sentence
-    assert ("Too little was recorded to tell what is missing: coulomb friction would" in text) is told
+    assert ("Too little was recorded to tell what is missing: Coulomb friction would" in text) is told
     assert (f"falls by {certainty:.1f} standard errors, 3.5 are asked" in text) is told
 
 

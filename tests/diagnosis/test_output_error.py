@@ -211,7 +211,7 @@ def test_every_effect_that_may_be_missing_has_a_row_whatever_was_searched():
     problem, _ = prepared(Model.from_dict(BASE), [known], [unseen])
     rows = {entry.effect: entry for entry in found.ranking}
     assert {n for n in EFFECTS if tryable(problem, n)} <= set(rows)
-    assert rows["input_delay"].why == "not fitted: coulomb friction leaves nothing but noise"  # no force shows it
+    assert rows["input_delay"].why == "not fitted: Coulomb friction leaves nothing but noise"  # no force shows it
     assert {n for n, entry in rows.items() if entry.status == "confirmed"} == {"coulomb_friction"}
 
 

@@ -28,7 +28,7 @@ def test_load_dependent_friction_is_named_and_another_mass_is_asked_for():
     named = next(e for e in found.ranking if e.effect == "load_dependent_friction")
     assert named.status == "confirmed"
     assert any("another mass" in note for note in found.notes)
-    assert any("cannot tell" in note and "stribeck friction" in note for note in found.notes)
+    assert any("cannot tell" in note and "Stribeck friction" in note for note in found.notes)
     errors = []
     for record in records:
         run = simulate(found.model.under(record.conditions), record.t, record.u, record.x0)

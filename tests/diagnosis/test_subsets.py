@@ -27,7 +27,7 @@ def search() -> SubsetSearch:
 
 
 def test_what_is_left_is_what_least_squares_leaves():
-    r = search().r
+    r = search().regression
     found = Subsets(r, search().shapes)
     rng = np.random.default_rng(0)
     for count in (1, 2, 3):
@@ -46,20 +46,20 @@ def test_what_is_left_is_what_least_squares_leaves():
 def test_no_coefficient_has_a_sign_that_it_cannot_have():
     """Friction that drives is no friction."""
     against = searched(lambda q, v: 2.0 * np.tanh(1e4 * v), unit="m")
-    found = Subsets(against.r, {"coulomb_friction": against.shapes["coulomb_friction"]})
+    found = Subsets(against.regression, {"coulomb_friction": against.shapes["coulomb_friction"]})
     assert found.members
     assert np.isinf(found.squared_error(np.array([[0]]), 1e-6)).all()
 
 
 def test_three_laws_are_found_of_which_none_stands_alone():
-    names = {n for n, _ in search().chosen().members}
+    names = {n for n, _ in search().chosen.members}
     assert names == {"constant_load", "linear_stiffness", "coulomb_friction"}
 
 
 @pytest.mark.parametrize(("weight", "cancel"), [(1.0, False), (-0.97, True)])
 def test_laws_that_all_but_cancel_are_no_set(weight, cancel):
     """A cubic spring, a weight and a load of 0.5 N·m each were named where a load of 0.01 N·m acted."""
-    r, names = search().r, ("linear_stiffness", "cubic_stiffness")
+    r, names = search().regression, ("linear_stiffness", "cubic_stiffness")
     members = tuple((n, search().shapes[n][0]) for n in names)
     forces = [r.validation.columns(r.laws[n], shape)[:, 0] for n, shape in members]
     along = float(forces[0] @ forces[1] / (forces[1] @ forces[1]))
@@ -69,7 +69,7 @@ def test_laws_that_all_but_cancel_are_no_set(weight, cancel):
 
 
 def answer() -> str:
-    s, chosen = search(), search().chosen()  # which fits smaller sets, too
+    s, chosen = search(), search().chosen
     return f"{[sorted(m) for m in s.models]} {chosen.members} {chosen.validation_mse!r}"
 
 
@@ -89,10 +89,10 @@ def test_the_answer_is_the_same_in_every_process():
 
 @pytest.mark.parametrize("most", [1, 2, 4])
 def test_each_set_of_laws_comes_once_and_the_best_first(most):
-    found = Subsets(search().r, search().shapes)
+    found = Subsets(search().regression, search().shapes)
     sets = found.best(most, 1e-3)
     names = [frozenset(n for n, _ in members) for members in sets]
     assert len(set(names)) == len(names)
     assert all(len(n) == most for n in names)
-    errors = [search().r.fitted(members).training_mse for members in sets[:3]]
+    errors = [search().regression.fitted(members).training_mse for members in sets[:3]]
     assert errors[0] <= 1.5 * min(errors)

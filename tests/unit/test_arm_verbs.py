@@ -299,7 +299,7 @@ def test_a_report_has_a_row_and_pictures_of_every_joint(tmp_path, capsys):
     said = json.loads(capsys.readouterr().out)
     jsonschema.validate(said, json.loads((SCHEMAS / "arm_diagnose.json").read_text()))
     page = out.read_text(encoding="utf-8")
-    assert "elbow.coulomb friction" in page
+    assert "elbow.Coulomb friction" in page
     assert all(f"<td>{name}</td>" in page for name in NAMES)
     assert "signlin diagnose" in page
     assert {p.name for p in (tmp_path / "arm_files").iterdir()} == {"left_over_time.png", "left_by_speed.png"}

@@ -19,7 +19,8 @@ from signlin_ros import cli
 from signlin_ros.comparison.equations import force_equations, mass
 from signlin_ros.comparison.scores import score
 from signlin_ros.console import compare_text
-from signlin_ros.diagnosis.comparison import Comparison, compare
+from signlin_ros.diagnosis.compared import Comparison
+from signlin_ros.diagnosis.comparison import compare
 from signlin_ros.errors import InputError, RecordError
 from signlin_ros.follow.data import load_records
 from signlin_ros.model import Model

@@ -19,7 +19,7 @@ from signlin_ros.diagnosis.discrimination import (
     undecided,
 )
 from signlin_ros.diagnosis.selection import Selection
-from signlin_ros.diagnosis.wording.rivals import told
+from signlin_ros.diagnosis.wording.planned_rivals import told
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model
 
@@ -119,7 +119,7 @@ def test_a_law_that_contains_what_is_named_is_excluded_from_a_size_on_and_does_n
     shown = SimpleNamespace(training=SimpleNamespace(shown=lambda unit: unit))
     given = SimpleNamespace(**vars(evidence()), dataset=shown)
     said = told(given, [play, far], final, Doubts())
-    assert "coulomb friction loses by 9.0 standard errors." in said
+    assert "Coulomb friction loses by 9.0 standard errors." in said
     assert "Excluded is backlash with gap of 0.100 rad or more." in said
 
 
@@ -244,7 +244,7 @@ def test_what_is_needed_as_well_is_put_beside_every_rival(errs, decided):
     said = told(given, selection.rivals, selection.chosen, doubts)
 
     assert ("Not decided: " in said) is not decided
-    assert "dahl presliding+cogging torque" in said
+    assert "Dahl presliding+cogging torque" in said
 
 
 def test_a_rival_that_is_better_with_it_takes_the_place():

@@ -202,7 +202,7 @@ def test_the_same_seed_gives_the_same_file_and_the_json_keeps_its_schema(one_way
 def test_the_report_has_a_preview_of_both_rivals(one_way, planned):
     assert planned.exists()
     text = (one_way / "next.html").read_text(encoding="utf-8")
-    assert "coulomb friction" in text
+    assert "Coulomb friction" in text
     assert "signlin diagnose" in text
     assert (one_way / "next_files" / "preview_1.png").exists()
 
@@ -242,7 +242,7 @@ def test_the_json_of_a_diagnosis_is_planned_for_in_a_process_of_its_own(one_way,
     while planning.running:
         time.sleep(0.05)
     plan = planning.result()
-    assert plan["rivals"] == ["coulomb friction", "constant load"]
+    assert plan["rivals"] == ["Coulomb friction", "constant load"]
     assert (tmp_path / "next.csv").exists()
 
 
@@ -462,7 +462,7 @@ def test_a_common_scale_of_all_forces_is_a_symmetry_that_a_known_inertia_breaks(
     (pair,) = content["pairs"]
     assert pair["alike"]
     assert pair["most"] < 1.0
-    assert "no command within these limits tells coulomb friction from coulomb friction with all forces" in (
+    assert "no command within these limits tells Coulomb friction from Coulomb friction with all forces" in (
         content["sentence"].lower()
     )
     (remedy,) = content["remedies"]

@@ -166,7 +166,7 @@ def test_every_law_is_set_or_written(name):
 
 def test_without_sympy_the_law_is_written(monkeypatch):
     monkeypatch.setitem(sys.modules, "sympy", None)
-    assert formula("coulomb_friction", MASS) == Formula(None, "coulomb friction: -mu sign(v)")
+    assert formula("coulomb_friction", MASS) == Formula(None, "Coulomb friction: -mu sign(v)")
 
 
 def test_brackets_around_fractions_grow():
@@ -244,7 +244,7 @@ def test_parameters_that_were_given_are_told_and_units_are_those_of_the_record(t
         ("force", "N·m"),
     ]
     assert "Save it as proposal.yaml" in text
-    assert re.search(r"Fitted coulomb friction: mu = 0\.\d+ ± 0\.\d+ N·m\.", text)
+    assert re.search(r"Fitted Coulomb friction: mu = 0\.\d+ ± 0\.\d+ N·m\.", text)
 
 
 @pytest.mark.slow

@@ -53,8 +53,8 @@ def test_joints_are_compared_and_what_is_missing_is_told(client: Client, folder:
     assert "elbow" in found["compare"]["sentence"]
     client.act(project, "diagnose")
     found = stages(client.settled(project))
-    assert found["diagnose"]["sentence"] == "Missing: elbow.coulomb friction."
-    assert any(line.startswith("elbow: coulomb friction") for line in found["diagnose"]["result"]["json"]["sentences"])
+    assert found["diagnose"]["sentence"] == "Missing: elbow.Coulomb friction."
+    assert any(line.startswith("elbow: Coulomb friction") for line in found["diagnose"]["result"]["json"]["sentences"])
     assert "signlin refine" in found["add"]["why"]
     assert "signlin export" in found["use"]["why"]
     for action, args in (("add", {"effect": "elbow.coulomb_friction"}), ("use", {"target": "mjcf"}), ("refit", {})):
@@ -104,5 +104,5 @@ def test_the_page_shows_the_table_and_the_sentences(
     page.picture("arm_compare")
     page.click("do-diagnose")
     page.done("diagnose")
-    page.wait(lambda: "elbow: coulomb friction" in page.stage("diagnose").text, "the sentence of the elbow")
+    page.wait(lambda: "elbow: Coulomb friction" in page.stage("diagnose").text, "the sentence of the elbow")
     page.picture("arm_diagnose")

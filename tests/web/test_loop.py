@@ -71,7 +71,7 @@ def test_the_loop_by_clicks_alone(
     page.click("do-diagnose")
     page.picture("5_diagnosing", "stage-diagnose")
     page.done("diagnose")
-    assert "coulomb friction" in page.says("diagnose")
+    assert "Coulomb friction" in page.says("diagnose")
     page.picture("6_diagnosed", "stage-diagnose")
     page.click("do-add")
     page.done("add")
@@ -80,7 +80,7 @@ def test_the_loop_by_clicks_alone(
     page.driver.execute_script("document.getElementById('shown-coulomb_friction').open = true")
     evidence = page.driver.find_element("id", "shown-coulomb_friction")
     page.wait(lambda: "their mean, ± 2 standard errors" in evidence.text, "the legend of the evidence")
-    assert "computed with coulomb friction" in evidence.text
+    assert "computed with Coulomb friction" in evidence.text
     after = scores(page)
     assert after["speed"]["windowed"] < 0.5 * before["speed"]["windowed"]
     page.click("do-use")

@@ -365,10 +365,10 @@ def test_a_stored_tie_is_planned_for_and_what_is_dropped_after_it_is_judged_by_i
     page.driver.refresh()
     page.wait(lambda: page.driver.find_elements("id", "plan"), "the stored diagnosis")
     says = planned_by_clicks(page)
-    assert "would tell coulomb friction from constant load" in says
+    assert "would tell Coulomb friction from constant load" in says
     recorded_twice(page, project, tmp_path)
     told = page.says("diagnose")
-    assert told.startswith("Which rival of the plan is it? coulomb friction and constant load are fitted to run.csv")
+    assert told.startswith("Which rival of the plan is it? Coulomb friction and constant load are fitted to run.csv")
     assert "--rivals" in page.stage("diagnose").find_element("css selector", ".command").text
     with page.settling():
         page.click("undo")
@@ -390,7 +390,7 @@ def test_a_tie_to_the_next_record_and_its_verdict_by_clicks(
     recorded_twice(page, project, tmp_path)
     page.click("do-diagnose")
     page.done("diagnose")
-    assert "lacks coulomb friction" in page.says("diagnose")
+    assert "lacks Coulomb friction" in page.says("diagnose")
     page.picture("plan_3_judged", "stage-diagnose")
 
 

@@ -267,7 +267,7 @@ def test_the_model_can_be_had_before_the_report_which_speaks_of_the_model_as_it_
     client.act(project, "take", files=["model.yaml", "estimation.csv", "validation.csv"])
     client.settled(project)
     client.act(project, "diagnose")
-    assert "coulomb friction" in client.settled(project)["stages"][3]["sentence"]
+    assert "Coulomb friction" in client.settled(project)["stages"][3]["sentence"]
     client.act(project, "add", effect="coulomb_friction")
     client.settled(project)
     client.act(project, "export")
@@ -281,8 +281,8 @@ def test_the_model_can_be_had_before_the_report_which_speaks_of_the_model_as_it_
     report = client.ask("GET", f"/p/{project}/export/report.html")[1]
     assert "an effect is missing" not in report
     assert "What was added to the model" in report
-    assert "The model has coulomb friction, added from these records." in report
-    assert "+ coulomb friction" in report
+    assert "The model has Coulomb friction, added from these records." in report
+    assert "+ Coulomb friction" in report
 
 
 def test_the_model_is_had_for_another_tool_with_what_is_lost(client: Client, hidden_effect: Path) -> None:

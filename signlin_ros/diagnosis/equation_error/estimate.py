@@ -68,13 +68,13 @@ class EquationErrorResult:
     @classmethod
     def of(cls, given: Model, search: SubsetSearch) -> EquationErrorResult:
         """Return the result of a search that has been run, for a model."""
-        fit, base = search.chosen(), search.base
-        flexible = structured(search.r, search.waves, base, fit)
+        fit, base = search.chosen, search.base
+        flexible = structured(search.regression, search.waves, base, fit)
         sets = dict(search.models)  # before what follows is asked: it does not depend on that
         beside = {name: search.beside(fit, name) for name, _ in fit.members}
         return cls(
             given,
-            search.r,
+            search.regression,
             sets,
             base,
             fit,

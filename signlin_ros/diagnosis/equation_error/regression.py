@@ -60,8 +60,8 @@ def base_of(model: Model, current: bool) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class RegressionData:
-    """Training or validation records, stacked: force residual y (K,) in N or N·m, base columns X (K, b), the force per
-    relative change of each parameter; block of each sample (K,).
+    """Training or validation records, stacked: force residual y (K,) in N or N·m, base columns X (K, n_base), the force
+    per relative change of each parameter; block of each sample (K,).
 
     ``effort``: RMS of what drives, that forces are compared with; of the inertial force where nothing does (``free``).
     """
@@ -121,7 +121,7 @@ class RegressionData:
 
 
 def _rows(model: Model, piece: ForceSegment, moved: Iterable[str]) -> tuple[Array, Array, Array]:
-    """Return the missing force (K,), its change by each base parameter (K, b) and the effort (K,) of a piece."""
+    """Return the missing force (K,), its change by each base parameter (K, n_base) and the effort (K,) of a piece."""
     y = missing_force(model, piece)
     others = [model.with_parameters({name: model.value(name) * (1 + DERIVATIVE_STEP)}) for name in moved]
     columns = [(y - missing_force(other, piece)) / DERIVATIVE_STEP for other in others]
@@ -131,7 +131,7 @@ def _rows(model: Model, piece: ForceSegment, moved: Iterable[str]) -> tuple[Arra
 
 @dataclass(frozen=True, eq=False)
 class RegressionFit:
-    """A fitted set of laws: coefficients ``theta`` (n,), b of the base (relative changes) and those of the laws in
+    """A fitted set of laws: coefficients ``theta`` (n,), n_base of the base (relative changes) and those of the laws in
     their own units; ``training_residual`` (K,) in N or N·m; ``n_parameters``: free ones of the laws. Validation
     residual and covariance are computed at their first use.
     """
@@ -179,7 +179,7 @@ class RegressionFit:
 class Regression:
     """Records, the laws that may be missing, and how sets of laws are fitted to them.
 
-    ``names`` of the base columns, and the prior standard deviations ``prior_std`` (b,) of their coefficients;
+    ``names`` of the base columns, and the prior standard deviations ``prior_std`` (n_base,) of their coefficients;
     ``current``: whether a motor's current is measured.
     """
 
@@ -198,7 +198,7 @@ class Regression:
         return float(self.criteria.min_force_over_noise**2 * self.validation.noise_mse)
 
     @property
-    def b(self) -> int:
+    def n_base(self) -> int:
         """Number of base columns."""
         return len(self.names)
 
@@ -207,9 +207,9 @@ class Regression:
         members = tuple(members)
         X = self._matrix(self.training, members)
         spread, floor, ceiling = (np.full(X.shape[1], value) for value in (np.inf, -np.inf, np.inf))
-        spread[: self.b], floor[: self.b] = self.prior_std, np.expm1(-3 * np.minimum(self.prior_std, 50.0))
-        floor[self.b - 1], ceiling[self.b - 1] = -MAX_STAMP_DISTANCE, MAX_STAMP_DISTANCE
-        spans, at = {}, self.b
+        spread[: self.n_base], floor[: self.n_base] = self.prior_std, np.expm1(-3 * np.minimum(self.prior_std, 50.0))
+        floor[self.n_base - 1], ceiling[self.n_base - 1] = -MAX_STAMP_DISTANCE, MAX_STAMP_DISTANCE
+        spans, at = {}, self.n_base
         for n, shape in members:
             positive = self.laws[n].positive(shape)
             spans[n] = slice(at, at + len(positive))

@@ -30,32 +30,37 @@ MAX_HARMONICS = 8
 class SubsetSearch:
     """A beam search, set by set: ``models``: the best fit of every set of laws so far, by their names; ``shapes``: the
     values of each law's nonlinear parameters that are tried; ``whole``: whether orders of waves are whole numbers.
+    ``chosen``, once it has been run: the least sound set that suffices, the law that is worth most first.
     """
 
-    r: Regression
+    regression: Regression
     whole: bool
     shapes: dict[str, list[Shape]]
     models: dict[frozenset[str], RegressionFit] = field(default_factory=dict)
+    chosen: RegressionFit = field(init=False)
 
     def run(self) -> None:
         """Fit sets of laws, in `Criteria.max_effects` steps or until nothing is gained."""
-        best = [self._keep(self.r.fitted(()))]
-        for count in range(1, self.r.criteria.max_effects + 1):
+        best = [self._keep(self.regression.fitted(()))]
+        for count in range(1, self.regression.criteria.max_effects + 1):
             before = min(f.training_mse for f in self.models.values())
             best = self._step(best, count)
             if not best or (count > 1 and min(f.training_mse for f in best) > MAX_STEP_RATIO * before):
                 break
+        self._fit_smaller_sets()
         rippled = self._rippled(self._choice())
-        if rippled is not None and len(rippled.members) < self.r.criteria.max_effects:
+        if rippled is not None and len(rippled.members) < self.regression.criteria.max_effects:
             beside = self._subsets(rippled.members).beside(rippled.members, self._others(rippled), rippled.training_mse)
             self._fitted(list(beside))
+        self._fit_smaller_sets()
+        self.chosen = self._by_worth(self._choice())
 
     def _rippled(self, f: RegressionFit) -> RegressionFit | None:
         """Return a fit whose wave has as many harmonics as validation data ask for; None if it has no wave, or but
         one.
         """
-        wave = next((m for m in f.members if self.r.laws[m[0]].effect.periodic), None)
-        name = next((n for n, law in self.r.laws.items() if isinstance(law, Ripple)), None)
+        wave = next((m for m in f.members if self.regression.laws[m[0]].effect.periodic), None)
+        name = next((n for n, law in self.regression.laws.items() if isinstance(law, Ripple)), None)
         if wave is None or name is None:
             return None
         rest, best, orders = [m for m in f.members if m is not wave], f, wave[1]
@@ -65,7 +70,7 @@ class SubsetSearch:
                 for N in self.waves.strongest(best.training_residual)
                 if all(abs(N - other) > 1e-9 for _, other in orders)
             ]
-            tried = [self.r.fitted([*rest, (name, (*orders, (wave[1][0][0], N)))]) for N in more]
+            tried = [self.regression.fitted([*rest, (name, (*orders, (wave[1][0][0], N)))]) for N in more]
             found = min(tried, key=lambda g: g.training_mse, default=None)
             if found is None or not self.improves(found, best, 3, whole=True):
                 break
@@ -87,26 +92,26 @@ class SubsetSearch:
             self._scan(f)
         subsets = self._subsets(chain.from_iterable(f.members for f in best))
         found = subsets.best(count, min(f.training_mse for f in best))
-        return self._fitted(found[: 4 * REFINED_BEAMS * self.r.criteria.beam_width])
+        return self._fitted(found[: 4 * REFINED_BEAMS * self.regression.criteria.beam_width])
 
     def _fitted(self, sets: Sequence[tuple[Member, ...]]) -> list[RegressionFit]:
         """Fit some sets, the first of them with their shapes between the points of the grid; return the best."""
-        beam, fits = self.r.criteria.beam_width, [self.r.fitted(m) for m in sets]
+        beam, fits = self.regression.criteria.beam_width, [self.regression.fitted(m) for m in sets]
         refined = [self.refined(f) for f in fits[: REFINED_BEAMS * beam]]
         fits = [self._keep(f) for f in (*refined, *fits[REFINED_BEAMS * beam :])]
         return sorted(
-            fits, key=lambda f: f.training_mse * (1 + self.r.criteria.min_share_per_parameter * f.n_parameters)
+            fits, key=lambda f: f.training_mse * (1 + self.regression.criteria.min_share_per_parameter * f.n_parameters)
         )[:beam]
 
     def _others(self, f: RegressionFit) -> list[str]:
         """Return the laws that may stand beside those of a fit."""
-        taken = {self.r.laws[n].family for n in f.names}
-        return [n for n, law in self.r.laws.items() if law.family not in taken]
+        taken = {self.regression.laws[n].family for n in f.names}
+        return [n for n, law in self.regression.laws.items() if law.family not in taken]
 
     def _scan(self, f: RegressionFit) -> None:
         """Add the orders at which what a fit leaves repeats over the position to the shapes of periodic laws."""
         for name in self._others(f):
-            for order in self.r.laws[name].effect.periodic[:1]:
+            for order in self.regression.laws[name].effect.periodic[:1]:
                 for N in self.waves.strongest(f.training_residual):
                     self._add_shape(name, ((order, N),))
 
@@ -118,17 +123,19 @@ class SubsetSearch:
         """Return the sets of all laws, with the shapes that are known and those of some members."""
         for name, shape in members:
             self._add_shape(name, shape)
-        return Subsets(self.r, self.shapes)
+        return Subsets(self.regression, self.shapes)
 
     @functools.cached_property
     def waves(self) -> Waves:
         """What tells at which orders a force repeats."""
-        return Waves(self.r.training, self.whole, self.r.model.gear, self.r.criteria.min_periods)
+        return Waves(
+            self.regression.training, self.whole, self.regression.model.gear, self.regression.criteria.min_periods
+        )
 
     @functools.cached_property
     def _stretch(self) -> tuple[float, float]:
         """Smallest and largest position of the records."""
-        q = np.concatenate([p.q for p in self.r.training.pieces])
+        q = np.concatenate([p.q for p in self.regression.training.pieces])
         return float(q.min()), float(q.max())
 
     def refined(self, f: RegressionFit) -> RegressionFit:
@@ -143,13 +150,15 @@ class SubsetSearch:
     def _restructured(self, f: RegressionFit, j: int) -> RegressionFit:
         """Return a fit with another value of a parameter that changes the equations, if that leaves less."""
         name, shape = f.members[j]
-        for n in sorted(self.r.laws[name].structural):
+        for n in sorted(self.regression.laws[name].structural):
             others = {dict(s)[n]: None for s in self.shapes[name] if dict(s)[n] != dict(shape)[n]}
-            f = min([f, *(self.r.fitted(_put(f.members, j, n, v)) for v in others)], key=lambda g: g.training_mse)
+            f = min(
+                [f, *(self.regression.fitted(_put(f.members, j, n, v)) for v in others)], key=lambda g: g.training_mse
+            )
         return f
 
     def _movable(self, name: str, shape: Shape) -> list[str]:
-        law = self.r.laws[name]
+        law = self.regression.laws[name]
         if isinstance(law, Ripple):
             return []
         held = {*law.effect.held, *law.parts.group[:1], *law.structural, *(law.effect.periodic if self.whole else ())}
@@ -157,16 +166,16 @@ class SubsetSearch:
 
     def _moved(self, f: RegressionFit, j: int, n: str, step: float) -> RegressionFit:
         """Return a fit with a parameter of a shape moved by relative steps, as long as that leaves less."""
-        effect = self.r.laws[f.members[j][0]].effect
+        effect = self.regression.laws[f.members[j][0]].effect
         factors: tuple[float, ...] = (1 / (1 + step), 1 + step)
         least = -np.inf
         if n in effect.periodic:
-            apart = 2 * np.pi / self.r.training.travel / dict(f.members[j][1])[n] * step
+            apart = 2 * np.pi / self.regression.training.travel / dict(f.members[j][1])[n] * step
             factors, least = (1 - apart, 1 + apart), self.waves.slowest
         for _ in range(MAX_SHAPE_MOVES):
             now, par = dict(f.members[j][1])[n], effect.pars()[n]
             values = {factor: float(f"{par.nearest(now * factor):.12g}") for factor in factors}
-            tried = [(k, self.r.fitted(_put(f.members, j, n, v))) for k, v in values.items() if v >= least]
+            tried = [(k, self.regression.fitted(_put(f.members, j, n, v))) for k, v in values.items() if v >= least]
             factor, best = min(tried, key=lambda one: one[1].training_mse, default=(1.0, f))
             if best.training_mse >= f.training_mse * NO_GAIN:
                 break
@@ -181,14 +190,14 @@ class SubsetSearch:
 
     def _known(self, members: Sequence[Member]) -> RegressionFit:
         """Return the best fit known of some laws, whatever their shapes; with these, if there is none yet."""
-        return self.models.get(frozenset(dict(members))) or self._keep(self.r.fitted(members))
+        return self.models.get(frozenset(dict(members))) or self._keep(self.regression.fitted(members))
 
     def _simpler(self, f: RegressionFit, name: str) -> list[RegressionFit]:
         """Return the fits with a simpler law of the same family in a law's place."""
-        law, rest = self.r.laws[name], [m for m in f.members if m[0] != name]
-        kin = [n for n, other in self.r.laws.items() if other.family == law.family and n not in f.names]
+        law, rest = self.regression.laws[name], [m for m in f.members if m[0] != name]
+        kin = [n for n, other in self.regression.laws.items() if other.family == law.family and n not in f.names]
         first = [(n, shape) for n in kin for shape in self.shapes[n][:1]]
-        simple = [m for m in first if self.r.laws[m[0]].free(m[1]) < law.free(dict(f.members)[name])]
+        simple = [m for m in first if self.regression.laws[m[0]].free(m[1]) < law.free(dict(f.members)[name])]
         known = [m for m in simple if len(self.shapes[m[0]]) == 1 or frozenset(dict([*rest, m])) in self.models]
         return [self._known([*rest, m]) for m in known]
 
@@ -205,17 +214,22 @@ class SubsetSearch:
 
     def cancels(self, f: RegressionFit) -> bool:
         """Tell whether laws all but cancel: together they vary by little of what one of them does."""
-        laws = [self.r.validation.columns(self.r.laws[n], z) @ f.theta[f.spans[n]] for n, z in f.members]
-        return len(laws) > 1 and bool(np.var(sum(laws)) < self.r.criteria.max_force_mse_left * max(map(np.var, laws)))
+        laws = [
+            self.regression.validation.columns(self.regression.laws[n], z) @ f.theta[f.spans[n]] for n, z in f.members
+        ]
+        return len(laws) > 1 and bool(
+            np.var(sum(laws)) < self.regression.criteria.max_force_mse_left * max(map(np.var, laws))
+        )
 
     def bends(self, f: RegressionFit) -> bool:
         """Tell whether a fit moves a base parameter that carries force beyond tolerance, and further than the base."""
-        c, r = self.r.criteria, self.r
-        spread, theta, alone = (x[: r.b - 1] for x in (r.prior_std, f.theta, self.base.theta))
+        c, regression = self.regression.criteria, self.regression
+        known = slice(regression.n_base - 1)
+        spread, theta, alone = (x[known] for x in (regression.prior_std, f.theta, self.base.theta))
         moved, before = (np.abs(np.log1p(np.maximum(x, -1 + 1e-12))) / spread for x in (theta, alone))
         carried = (
-            np.abs(theta) * np.sqrt(np.mean(r.validation.X[:, :-1] ** 2, axis=0))
-            > c.min_bent_share * r.validation.effort
+            np.abs(theta) * np.sqrt(np.mean(regression.validation.X[:, :-1] ** 2, axis=0))
+            > c.min_bent_share * regression.validation.effort
         )
         return bool(f.members) and bool(
             np.any((moved > c.max_bent) & (moved > before + 1.0) & carried & (spread < 0.5))
@@ -225,8 +239,8 @@ class SubsetSearch:
         """Tell whether a law's level is known, its parameters are possible, and it takes away a sure and visible part
         of the validation error: of what is left without it; of all that is missing, beside a simpler law of its family.
         """
-        free = self.r.laws[name].free(dict(f.members)[name])
-        shown = self.r.criteria.min_share_per_parameter * self.base.validation_mse
+        free = self.regression.laws[name].free(dict(f.members)[name])
+        shown = self.regression.criteria.min_share_per_parameter * self.base.validation_mse
         if not self._significant(f, name) or not self.improves(f, self.without(f, name), free):
             return False
         simpler = self._simpler(f, name)
@@ -237,31 +251,31 @@ class SubsetSearch:
 
     def _significant(self, f: RegressionFit, name: str) -> bool:
         """Tell whether the level of a law is known, its parameters are possible, and the records show what it is."""
-        law = self.r.laws[name]
+        law = self.regression.laws[name]
         values = law.parameters(dict(f.members)[name], f.theta[f.spans[name]])
         possible = law.effect.plausible(values) and law.effect.is_met(values, *self._stretch)
-        possible = possible and law.effect.is_resolved(values, self.r.training.pieces[0].step)
-        return possible and self.t_ratio(f, name) >= self.r.criteria.min_coefficient_t
+        possible = possible and law.effect.is_resolved(values, self.regression.training.pieces[0].step)
+        return possible and self.t_ratio(f, name) >= self.regression.criteria.min_coefficient_t
 
     def improves(self, f: RegressionFit, reference: RegressionFit, free: int, whole: bool = False) -> bool:
         """Tell whether a fit takes away a sure and visible part of a simpler one's validation error, and of all that is
         missing where more than noise is left: a small part beside that has no name, but one more wave (``whole``), or
         what takes away most of what was left: beside a weight all friction is a small part.
         """
-        c, gone = self.r.criteria, reference.validation_mse - f.validation_mse
-        clean = whole or f.validation_mse < self.r.visible_mse or self._most(f, reference)
+        c, gone = self.regression.criteria, reference.validation_mse - f.validation_mse
+        clean = whole or f.validation_mse < self.regression.visible_mse or self._most(f, reference)
         large = gone > c.min_share_per_parameter * max(
             free * reference.validation_mse, 0.0 if clean else self.base.validation_mse
         )
-        return large and self.r.surely(f, reference) >= c.min_t
+        return large and self.regression.surely(f, reference) >= c.min_t
 
     def _most(self, f: RegressionFit, reference: RegressionFit) -> bool:
         """Tell whether a fit takes away most of what another one leaves of validation data."""
-        return f.validation_mse < self.r.criteria.max_force_mse_left * reference.validation_mse
+        return f.validation_mse < self.regression.criteria.max_force_mse_left * reference.validation_mse
 
     def t_ratio(self, f: RegressionFit, name: str) -> float:
         """Return by how many standard errors a law is from nothing: by what tells it from simpler ones, or by all."""
-        law, span = self.r.laws[name], f.spans[name]
+        law, span = self.regression.laws[name], f.spans[name]
         z = np.abs(f.theta[span]) / np.maximum(f.std[span], MIN_DIVISOR)
         if law.parts.turning:
             return float(np.min(np.hypot(z[::2], z[1::2])))
@@ -270,30 +284,30 @@ class SubsetSearch:
         at = np.arange(span.start, span.stop)[np.isfinite(f.std[span])]
         return float(np.sqrt(squared_distance(f.theta[at], f.covariance[np.ix_(at, at)])))
 
-    def chosen(self) -> RegressionFit:
-        """Return the least sound set that suffices, the law that is worth most first."""
-        found = self._choice()
-        ordered = sorted(found.members, key=lambda m: -self.without(found, m[0]).validation_mse)
-        return self.r.fitted(ordered) if len(ordered) > 1 else found
-
     def _choice(self) -> RegressionFit:
-        return self.r.least_that_suffices([f for f in self._with_smaller_sets() if self.sound(f)] or [self.base])
+        """Return the least sound set that suffices, of those that are fitted by now."""
+        fits = list(self.models.values())
+        return self.regression.least_that_suffices([f for f in fits if self.sound(f)] or [self.base])
 
-    def _with_smaller_sets(self) -> list[RegressionFit]:
-        """Return all sets that were fitted, and those that a law more led to, without one of its others."""
+    def _fit_smaller_sets(self) -> None:
+        """Fit the sets that a law more led to, without one of their others."""
         for f in list(self.models.values()):
             for name, _ in f.members if len(f.members) > 1 else ():
                 self.without(f, name)
-        return list(self.models.values())
+
+    def _by_worth(self, f: RegressionFit) -> RegressionFit:
+        """Return a fit with the law that is worth most first."""
+        ordered = sorted(f.members, key=lambda m: -self.without(f, m[0]).validation_mse)
+        return self.regression.fitted(ordered) if len(ordered) > 1 else f
 
     def beside(self, f: RegressionFit, name: str) -> tuple[RegressionFit, ...]:
         """Return the sets that have another law in the place of one of a fit's, each from all its shapes."""
         rest = self.without(f, name)
-        others = [n for n in self.r.laws if n not in f.names]
+        others = [n for n in self.regression.laws if n not in f.names]
         found = {n: self.models[rest.names | {n}] for n in others if rest.names | {n} in self.models}
         new = [n for n in others if n not in found]
         for members in self._subsets(rest.members).beside(rest.members, new, rest.training_mse) if new else ():
-            one = self.r.fitted(members)
+            one = self.regression.fitted(members)
             (other,) = one.names - rest.names
             found[other] = min(found.get(other, one), one, key=lambda g: g.training_mse)
         return tuple(found.values())
@@ -301,7 +315,7 @@ class SubsetSearch:
     def ties(self, f: RegressionFit, others: Sequence[RegressionFit]) -> tuple[str, ...]:
         """Return the laws by which some sets differ from a fit, and which could as well stand in it."""
         pairs = [(n, g) for g in others for n in g.names - f.names]
-        return tuple(sorted(n for n, g in pairs if self.r.alike(f, g) and self._significant(g, n)))
+        return tuple(sorted(n for n, g in pairs if self.regression.alike(f, g) and self._significant(g, n)))
 
 
 def _put(members: Sequence[Member], j: int, n: str, value: float) -> tuple[Member, ...]:

@@ -23,12 +23,13 @@ MAX_SUBSETS, BATCH = 150, 4096
 class Subsets:
     """Sets of members (laws with their shapes): about what each leaves of the fitted data."""
 
-    def __init__(self, r: Regression, shapes: Mapping[str, Sequence[Shape]]) -> None:
-        self.r, self.members = r, list[Member]()
-        names, parts, columns, positive = list(r.laws), list[list[int]](), [r.training.X], [False] * r.b
-        families, kinds = [law.family for law in r.laws.values()], list[tuple[int, int]]()
+    def __init__(self, regression: Regression, shapes: Mapping[str, Sequence[Shape]]) -> None:
+        self.regression, self.members = regression, list[Member]()
+        names, parts = list(regression.laws), list[list[int]]()
+        columns, positive = [regression.training.X], [False] * regression.n_base
+        families, kinds = [law.family for law in regression.laws.values()], list[tuple[int, int]]()
         for name, shape in [(n, shape) for n in names for shape in shapes.get(n, ())]:
-            law, C = r.laws[name], r.training.columns(r.laws[name], shape)
+            law, C = regression.laws[name], regression.training.columns(regression.laws[name], shape)
             if not np.isfinite(C).all():
                 continue  # a law of somebody's own, with a root or a power of what crosses zero
             columns.append(C)
@@ -44,31 +45,34 @@ class Subsets:
         A = A / self._scale
         n = A.shape[1]
         self._gram, self._moments = np.zeros((n + 1, n + 1)), np.zeros(n + 1)  # the last one is no column at all
-        self._gram[:n, :n], self._moments[:n] = A.T @ A, A.T @ r.training.y
+        self._gram[:n, :n], self._moments[:n] = A.T @ A, A.T @ regression.training.y
         self._gram[n, n] = 1.0
-        self._size, self._total = r.training.y.size, float(r.training.y @ r.training.y)
+        self._size, self._total = regression.training.y.size, float(regression.training.y @ regression.training.y)
         self._positive = np.array([*positive, False])
         width = max((len(p) for p in parts), default=1)
         self._parts = np.array([[*p, *[n] * (width - len(p))] for p in parts], dtype=np.intp).reshape(-1, width)
         self._law, self._kind = np.array(kinds, dtype=np.intp).reshape(-1, 2).T
-        self._free = np.array([r.laws[name].free(shape) for name, shape in self.members], dtype=float)
+        self._free = np.array([regression.laws[name].free(shape) for name, shape in self.members], dtype=float)
 
     def squared_error(self, sets: Sets, size: float) -> Array:
         """Return about the squared error (S,) that sets (S, k) leave, inf beside a wrong sign; ``size``: mean left."""
-        base, r = np.arange(self.r.b), self.r
-        known = precision(r.prior_std, self._scale[: r.b], np.sqrt(size), self._size)
+        regression = self.regression
+        base = np.arange(regression.n_base)
+        known = precision(regression.prior_std, self._scale[: regression.n_base], np.sqrt(size), self._size)
         found = np.empty(len(sets))
         for at in range(0, len(sets), BATCH):
             some = sets[at : at + BATCH]
-            index = np.hstack([np.broadcast_to(base, (len(some), r.b)), self._parts[some].reshape(len(some), -1)])
-            A, g = self._gram[index[:, :, None], index[:, None, :]], self._moments[index]
+            index = np.hstack(
+                [np.broadcast_to(base, (len(some), regression.n_base)), self._parts[some].reshape(len(some), -1)]
+            )
+            normal, moments = self._gram[index[:, :, None], index[:, None, :]], self._moments[index]
             diagonal = np.arange(index.shape[1])
             none = index == len(self._moments) - 1
-            A[none] = 0.0
-            A[:, diagonal, diagonal] += np.where(none, 1.0, 1e-9 * self._size)
-            A[:, base, base] += known
-            theta = np.linalg.solve(A, g[:, :, None])[:, :, 0]
-            error = np.maximum(self._total - np.sum(theta * g, axis=1), 0.0)
+            normal[none] = 0.0
+            normal[:, diagonal, diagonal] += np.where(none, 1.0, 1e-9 * self._size)
+            normal[:, base, base] += known
+            theta = np.linalg.solve(normal, moments[:, :, None])[:, :, 0]
+            error = np.maximum(self._total - np.sum(theta * moments, axis=1), 0.0)
             found[at : at + BATCH] = np.where(np.any((theta < 0.0) & self._positive[index], axis=1), np.inf, error)
         return found
 
@@ -83,7 +87,7 @@ class Subsets:
         rank = (
             self.squared_error(sets, size)
             / self._size
-            * (1.0 + self.r.criteria.min_share_per_parameter * self._free[sets].sum(axis=1))
+            * (1.0 + self.regression.criteria.min_share_per_parameter * self._free[sets].sum(axis=1))
         )
         order = np.argsort(rank, kind="stable")
         order = order[np.isfinite(rank[order])]

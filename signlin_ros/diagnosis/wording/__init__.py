@@ -6,7 +6,7 @@
 | `reasons` | why records are not explained: `REASONS`, in the order of `verdict.reason_of` | the verdict |
 | `verdicts` | the verdict itself, what is left, why an effect is named or not | the verdict, ranking |
 | `closed_loops` | what records of a servo cannot tell, and which others would | notes, experiments |
-| `rivals` | what became of the rivals of a planned experiment | the verdict |
+| `planned_rivals` | what became of the rivals of a planned experiment | the verdict |
 
 Two kinds stand elsewhere: what a record shows of an effect is its class's ``finding`` (`signlin_ros.effects`), and what
 `compare` says too is in `signlin_ros.comparison.scores`. A sentence holds no number that no table shows.

@@ -23,6 +23,7 @@ from signlin_ros.effects.base import SensorEffect, Shown
 from signlin_ros.errors import joined
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.model.numbers import declared
+from signlin_ros.names import capitalised
 from signlin_ros.par import gathered
 
 NOTHING_MISSING = "Nothing is missing that this record could show"
@@ -106,7 +107,7 @@ def _unexplained(evidence: Evidence, verdict: Verdict) -> str:
         ends = {"there": f": {there}" if there else ".", "loops": loops, "rest": rest}
         said = said.format(v=verdict, falls=what, changes=changes, **ends)
         part = f" {'explains' if len(verdict.names) == 1 else 'explain'} a part"
-        known = f"{listed(verdict.names).capitalize()}{'' if why == 'worse' else part}"
+        known = f"{capitalised(listed(verdict.names))}{'' if why == 'worse' else part}"
         return known + (said or f": {what}.{remainder(evidence, verdict) or _structure(evidence, verdict)}")
     if why == "elsewhere":
         differs = there or "what differs?"

@@ -1,7 +1,7 @@
 // The page: one state from the server, drawn stage by stage; what happens is told by the server as it happens.
 
 import * as api from "./api.js";
-import { h, fill, say } from "./dom.js";
+import { h, fill, proper, say } from "./dom.js";
 import { restyle } from "./stacks.js";
 import { RENDER, command, restyleTuner } from "./stages.js";
 import { live, restyleLive } from "./live.js";
@@ -22,6 +22,7 @@ const RETRY = 1000; // ms after which a state that did not come is asked for aga
 const refresh = latest(async () => {
   try {
     state = await api.state();
+    Object.assign(proper, state.proper);
   } catch (error) {
     document.getElementById("loading")?.replaceChildren(`This project cannot be shown: ${error.message}. `, h("a", { href: "/" }, "Open another one"));
     if (!(error instanceof api.Refused)) setTimeout(refresh, RETRY);

@@ -32,8 +32,13 @@ export function fill(element, ...children) {
   if (held) document.getElementById(held)?.focus({ preventScroll: true });
 }
 
+// Proper names in the names of effects, as the server prints them.
+export const proper = {};
+
 export function words(name) {
-  return String(name).replaceAll("_", " ");
+  let text = String(name);
+  for (const [key, printed] of Object.entries(proper)) text = text.replace(new RegExp(`(?<![a-z])${key}(?![a-z])`, "g"), printed);
+  return text.replaceAll("_", " ");
 }
 
 export function number(value, digits = 3) {
