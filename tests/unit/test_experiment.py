@@ -462,9 +462,8 @@ def test_a_common_scale_of_all_forces_is_a_symmetry_that_a_known_inertia_breaks(
     (pair,) = content["pairs"]
     assert pair["alike"]
     assert pair["most"] < 1.0
-    assert "no command within these limits tells Coulomb friction from Coulomb friction with all forces" in (
-        content["sentence"].lower()
-    )
+    told = "No command within these limits tells Coulomb friction from Coulomb friction with all forces"
+    assert told in content["sentence"]
     (remedy,) = content["remedies"]
     added = float(re.fullmatch(r"add a known inertia of (\S+) kg·m²", remedy["what"])[1])
     assert remedy["distance"] >= 10.0
