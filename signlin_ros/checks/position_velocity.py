@@ -12,7 +12,7 @@ from signlin_ros.checks.base import OfColumns, without_channel
 from signlin_ros.checks.factors import word
 from signlin_ros.checks.finding import Finding
 from signlin_ros.checks.look import Look
-from signlin_ros.checks.travel import EQUAL, MIN_AGREEMENT, MIN_EXCESS_OVER_NOISE, Travel
+from signlin_ros.checks.travel import EQUAL, FACTOR_TOLERANCE, MIN_AGREEMENT, MIN_EXCESS_OVER_NOISE, Travel
 from signlin_ros.checks.unit_or_sign import divided
 from signlin_ros.records.clean import gaps
 from signlin_ros.records.notes import as_notes
@@ -22,8 +22,6 @@ Array = NDArray[np.float64]
 
 STRANGE = 0.5
 """Largest squared correlation where they have nothing to do with each other."""
-FACTOR_TOLERANCE = 0.04
-"""By how much a factor may miss that of a unit."""
 MIN_SQUARED_CORRELATION = 0.99
 """Squared correlation by which both exceed their noise, however large that looks in few steps."""
 MIN_LAG_SAMPLES = 1.0

@@ -11,6 +11,7 @@ from signlin_ros.checks.frozen_channel import FrozenChannel
 from signlin_ros.checks.held_readings import HeldReadings
 from signlin_ros.checks.integer_overflow import IntegerOverflow
 from signlin_ros.checks.jitter import Jitter
+from signlin_ros.checks.leap import Leap
 from signlin_ros.checks.loop_output import LoopOutput
 from signlin_ros.checks.mixed_clocks import MixedClocks
 from signlin_ros.checks.no_motion import NoMotion
@@ -27,6 +28,7 @@ from signlin_ros.checks.time_unit import TimeUnit
 from signlin_ros.checks.too_fast import TooFast
 from signlin_ros.checks.two_sources import TwoSources
 from signlin_ros.checks.unit_or_sign import UnitOrSign
+from signlin_ros.checks.unsigned_current import UnsignedCurrent
 from signlin_ros.checks.unsigned_input import UnsignedInput
 from signlin_ros.checks.unsigned_speed import UnsignedSpeed
 from signlin_ros.checks.wild_samples import WildSamples
@@ -42,12 +44,14 @@ CHECKS: tuple[type[Check], ...] = (
     WildSamples,
     RepeatedValues,
     HeldReadings,
+    Leap,
     Clipped,
     NoMotion,
     TimeUnit,
     TooFast,
     UnsignedInput,
     UnsignedSpeed,
+    UnsignedCurrent,
     PositionCommand,
     SpeedCommand,
     Exchanged,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,8 @@ FORCE = re.compile(
 MAX_COMMAND_RESIDUAL, MAX_GAIN_ERROR, LATE = 0.05, 0.1, 0.5
 """What the input's own number, late by a lag and a delay of at most so many s, leaves of the position's square; by how
 much the gain may differ from 1."""
+FINER = 4
+"""Delays and lags to either side of the best of a coarse grid."""
 MIN_COMMAND_CORRELATION = 0.7
 """Least correlation of both as they stand: a force on a mass leads to one near nothing, or to an opposite one."""
 STRICT_PART = 0.2
@@ -117,18 +120,38 @@ def _tracked(pairs: Pairs, strict: float) -> bool:
 
 
 def _best(u: Array, x: Array, step: float) -> Array:
-    """Return the input (T,) with the lag and delay after which it is nearest to the position (T,)."""
-    best, least = u, np.inf
+    """Return the input (T,) with the lag and delay after which it is nearest to the position (T,): the best of a grid,
+    then of a finer one around it.
+    """
     most = max(min(LATE, step * u.size / 10.0), step)
-    lags = [0.0, *np.geomspace(step / 2.0, most, 8).tolist()]
-    for late in np.unique(np.round(np.linspace(0.0, most / step, 12)).astype(int)).tolist():
-        moved = np.concatenate([np.full(late, u[0]), u[: u.size - late]])
-        for lag in lags:
+    delays = np.unique(np.round(np.linspace(0.0, most / step, 12)).astype(int))
+    best = _nearest(u, x, step, delays, np.concatenate([[0.0], np.geomspace(step / 2.0, most, 8)]), _Late(u))
+    apart = int(np.diff(delays).max(initial=1))
+    delays = np.arange(max(best.delay - apart, 0), best.delay + apart + 1)[:: -(-apart // FINER)]
+    lags = best.lag * np.geomspace(0.5, 2.0, 2 * FINER + 1) if best.lag else np.array([0.0, step / 2.0])
+    return _nearest(u, x, step, delays, lags, best).values
+
+
+@dataclass(frozen=True, eq=False)
+class _Late:
+    """An input that is late by a number of samples and a lag in s, its values (T,), and what it leaves."""
+
+    values: Array
+    delay: int = 0
+    lag: float = 0.0
+    left: float = np.inf
+
+
+def _nearest(u: Array, x: Array, step: float, delays: NDArray[np.intp], lags: Array, best: _Late) -> _Late:
+    """Return the input (T,), late by some of these or the best as yet, that is nearest to the position (T,)."""
+    for delay in delays.tolist():
+        moved = np.concatenate([np.full(delay, u[0]), u[: u.size - delay]])
+        for lag in lags.tolist():
             a = 1.0 - np.exp(-step / lag) if lag else 1.0
             y = lfilter([a], [1.0, a - 1.0], moved, zi=[(1.0 - a) * x[0]])[0]
             left = float(np.sum((x - y) ** 2))
-            best, least = (y, left) if left < least else (best, least)
-    return np.asarray(best)
+            best = _Late(y, delay, lag, left) if left < best.left else best
+    return best
 
 
 def _settled(pairs: Pairs) -> bool:

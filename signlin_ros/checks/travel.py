@@ -18,6 +18,8 @@ MIN_EXCESS_OVER_NOISE = 10.0
 """By how much both must exceed what their noise does, for anything to be said."""
 EQUAL = 0.6
 """Factors nearer to 1 than this are a matter of the sensors' gains, which a diagnosis tells."""
+FACTOR_TOLERANCE = 0.04
+"""By how much a factor may miss that of a unit."""
 MIN_OFFSET_STANDARD_ERRORS, MIN_OFFSET_SHARE = 10.0, 0.1
 """Standard errors of an offset of the velocity that is told, and its least size, as a share of the velocity (RMS)."""
 MIN_TRAVEL_SAMPLES = 100
@@ -92,4 +94,4 @@ def _regressed(dq: Array, dp: Array, noise: tuple[float, float]) -> Travel | Non
     return Travel(float(np.sign(r)) * sizes[1] / sizes[0], r * r, clear)
 
 
-__all__ = ["EQUAL", "MIN_AGREEMENT", "MIN_EXCESS_OVER_NOISE", "Travel", "travel"]
+__all__ = ["EQUAL", "FACTOR_TOLERANCE", "MIN_AGREEMENT", "MIN_EXCESS_OVER_NOISE", "Travel", "travel"]

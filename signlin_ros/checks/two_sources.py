@@ -143,7 +143,7 @@ def _zeros(values: Array, longest: int = BRIEF) -> NDArray[np.bool_] | None:
     wide = rest[k] - rest[k - 1]
     brief = (wide <= BRIEF) | ((wide <= longest) & same)
     close = close | ((wide > BRIEF) & same)
-    jumps = at[brief & close & (size > MIN_ZERO_DISTANCE * sigma)]
+    jumps = at[brief & close & (size > MIN_ZERO_DISTANCE * sigma) & (size > usual)]  # a turn goes no further
     if jumps.size < MIN_ZEROS or jumps.size < 0.3 * at.size or np.unique(values[rest]).size < MIN_SAMPLES:
         return None
     found = np.zeros(values.size, dtype=bool)

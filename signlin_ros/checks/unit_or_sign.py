@@ -14,7 +14,8 @@ from signlin_ros.checks.finding import Finding
 from signlin_ros.checks.look import Look
 from signlin_ros.checks.observer import LinearPrediction, Together
 from signlin_ros.checks.readings import MAX_FACTOR_RATIO, Reading, gear, gears, pairs, signs, units
-from signlin_ros.checks.travel import EQUAL
+from signlin_ros.checks.travel import EQUAL, FACTOR_TOLERANCE
+from signlin_ros.checks.work import reversed_by_work
 from signlin_ros.errors import joined
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
@@ -96,10 +97,9 @@ class UnitOrSign(OfColumns):
         if not fits:  # two units that fit, and one factor that does as well: only a ratio is known
             fits = [*_fitting(looks, p, strict, two), *_fitting(looks, p, strict, gears(look, p))]
         fits = _by_force(looks, p, fits)
-        if not fits:
-            return
-        best = min(left for left, _ in fits)
-        if best >= MAX_ERROR_RATIO * _guesses_moved(looks, before):
+        best = min((left for left, _ in fits), default=np.inf)
+        if not fits or best >= MAX_ERROR_RATIO * _guesses_moved(looks, before):
+            yield from self._by_work(looks)
             return
         likely = sorted(
             (item for item in fits if item[0] <= MAX_EQUAL_RATIO * best), key=lambda item: _rank(look, item[1])
@@ -110,6 +110,26 @@ class UnitOrSign(OfColumns):
         )  # a noisy input leaves more than none
         for number, (_, reading) in enumerate(likely[:3]):
             yield self._finding(look, reading, likely[0][1] if number else None, needed)
+
+    def _by_work(self, looks: Sequence[Look]) -> Iterator[Finding]:
+        """Yield what is reversed by its work, whatever the parameters of the model are."""
+        name = reversed_by_work(looks)
+        if name is None:
+            return
+        words = (
+            f"from standstill to standstill, and about where it began, the drive gives back what the {name} puts in: "
+            f"with the sign of the {name} reversed it takes it, as friction does"
+        )
+        yield Finding(
+            self.name,
+            name,
+            "offer",
+            words,
+            cure=f"reverse_{name}",
+            remedy="it is taken so",
+            columns=True,
+            action=divided({name: -1.0}),
+        )
 
     def _finding(self, look: Look, r: Reading, first: Reading | None, needed: bool) -> Finding:
         names = tuple(r.divided)
@@ -159,7 +179,7 @@ def _by_force(
 ) -> list[tuple[float, Reading]]:
     """Return readings without units of an effort that its forces contradict: with the factor that these tell. Where
     dry friction and a load explain the effort as well as another unit would, their unknown size tells nothing of its
-    own, nor of a factor of the motion, which says the same: without either.
+    own, nor of a factor of the motion, which says the same: without either. Those nearest to that factor stand first.
     """
     name = next(iter(looks[0].record.inputs), "")
     found = effort_scale(looks) if any(not r.only_sign for _, r in fits) else None
@@ -173,6 +193,7 @@ def _by_force(
     alone = len({looks[0].position, looks[0].velocity} & {*p.channels}) == 1  # its factor is one over the effort's
     other = [one for one in fits if one[1].far_fetched and (alone or len(one[1].divided) > 1)]
     kept = [one for one in fits if one not in (*of_effort, *other) or _near(_times(one[1], looks[0]), scale)]
+    kept.sort(key=lambda one: abs(math.log(abs(_times(one[1], looks[0]) / scale))))
     if not of_effort or (kept and not all(r.far_fetched for _, r in kept)):
         return [(left, _beside(r, name, scale) if (left, r) in of_effort else r) for left, r in kept]
     return [*(one for one in kept if one not in of_effort), (p.left({name: 1.0 / scale}), gear(looks[0], name, scale))]
@@ -249,15 +270,20 @@ def driven(look: Look, p: LinearPrediction | Together, left: float, scales: Mapp
 
 
 def _consistent(look: Look, factors: Mapping[str, float]) -> bool:
-    """Tell whether position and velocity, where they tell of each other, agree when divided by factors; and whether the
-    position in a loop comes no further away from its goal, whose size it has.
+    """Tell whether position and velocity, where they tell of each other, agree when divided by factors, as well as the
+    factor between them is known if that is changed; and whether the position in a loop comes no further away from its
+    goal, whose size it has.
     """
     if look.model.plant.closed_loop and not _nearer(look, factors):
         return False
     travel = look.travel
     if travel is None or not travel.known:
         return True
-    return abs(travel.factor * factors.get(look.position, 1.0) / factors.get(look.velocity, 1.0) - 1.0) < EQUAL
+    between = factors.get(look.position, 1.0) / factors.get(look.velocity, 1.0)
+    off = abs(travel.factor * between - 1.0)
+    if abs(between) == 1.0:
+        return off < EQUAL
+    return off < max(FACTOR_TOLERANCE, 1.0 - travel.correlation)  # what two regressions tell apart at most
 
 
 def _nearer(look: Look, factors: Mapping[str, float]) -> bool:

@@ -51,7 +51,8 @@ MANY_GAPS = 0.05
 
 MIN_STAMPS, MIN_ROWS_A_STAMP, COUNTED = 20, 1.2, 1.2
 """Stamps and rows for each of these by which a clock is coarser than the rows, and by how many of its steps evenly
-spaced times may differ from it, from end to end."""
+spaced times may differ from it, from end to end: all of them, or those of the first or of the last row of each stamp.
+"""
 
 Keep = Callable[[Heading, Sequence[Heading]], "bool | None"]
 """What to do with a column that cannot be used: see `keeper`."""
@@ -261,7 +262,7 @@ def _without_repeats(table: RawTable, t: Array) -> tuple[RawTable, Array]:
     even = None if whole else _counted(t)  # rows that are there twice say nothing of the clock
     if even is not None:
         tick, step = float(np.median(np.diff(np.unique(t)))), float(even[1] - even[0])
-        said = f"its clock counts in steps of {tick:.3g} s, and rows share a stamp"
+        said = f"its clock counts in steps of {tick:.3g} s, or its rows come in bursts, and rows share a stamp"
         said = f"{said}: taken as evenly spaced, {step:.4g} s apart"
         return replace(table, notes=(*table.notes, Note(said, "assumed", "t"))), even
     apart = [(head, column, _differ(column[again], column[again - 1])) for head, column in _pairs(table)]
@@ -315,18 +316,19 @@ def _differ(now: Array, before: Array) -> npt.NDArray[np.bool_]:
 
 
 def _counted(t: Array) -> Array | None:
-    """Return evenly spaced times (T,) for stamps of a clock that is coarser than the rows, each within a step of the
-    clock; None where they are not even so far, or seldom the same.
+    """Return evenly spaced times (T,) for stamps of a clock that is coarser than the rows, or of bursts of rows, each
+    within a step of the clock, or all first or all last rows of a stamp; None where they are not even so far, or seldom
+    the same.
     """
-    stamps = np.unique(t)
+    stamps, first = np.unique(t, return_index=True)
     if stamps.size < MIN_STAMPS or t.size < MIN_ROWS_A_STAMP * stamps.size:
         return None
-    k = np.arange(t.size)
-    slope, start = np.polyfit(k, t, 1)
-    even = start + slope * k
-    ahead = even - t
-    tick = float(np.median(np.diff(stamps)))
-    return np.asarray(even - even[0] + t[0]) if slope > 0.0 and np.ptp(ahead) < COUNTED * tick else None
+    k, tick = np.arange(t.size), float(np.median(np.diff(stamps)))
+    for of in (k, np.append(first[1:], t.size) - 1, first):
+        slope, start = np.polyfit(of, t[of], 1)
+        if slope > 0.0 and np.ptp(start + slope * of - t[of]) < COUNTED * tick:
+            return np.asarray(t[0] + slope * k)
+    return None
 
 
 def _finite(table: RawTable, keep: Keep) -> RawTable:

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
+DAY, MILLISECOND, MILLIONTH, DAYS = 86400.0, 1e-3, 1e-6, (2e4, 8e4)
+"""Seconds of a day, of a millisecond, a millionth; dates of this time, in days since 1899."""
 _NUMBERED = re.compile(r"(.*?)[ _]?(?:\(column \d+\)|\d+)?\Z")
 """A name, and the number behind it that tells it from others."""
 NEAR = 0.1
@@ -88,6 +90,22 @@ def contradicted(table: RawTable, times: Times) -> list[Note]:
     return []
 
 
+def of_days(table: RawTable, times: Times) -> Times | None:
+    """The time where it counts millionths of a day of the calendar, as archives of Siemens' panels do under the name of
+    ``Time_ms``: told by dates in the file that go on so, and by its size; None where it does not.
+    """
+    gone, begin = _gone(times.t), float(times.t[0]) / MILLISECOND if times.t.size else 0.0
+    if not (gone > 0.0 and DAYS[0] < begin * MILLIONTH < DAYS[1]):
+        return None
+    for label, seconds in table.dated.items():
+        told, tick = _gone(seconds), float(np.min(np.diff(np.unique(seconds)), initial=np.inf))
+        if told > MIN_TICKS * tick and abs(gone / MILLISECOND * MILLIONTH * DAY - told) < tick:
+            said = f"{times.label!r} counts millionths of a day, as {label!r} says"
+            t = (times.t - times.t[0]) / MILLISECOND * MILLIONTH * DAY
+            return replace(times, t=np.asarray(t), notes=(Note(said, "clock", "t"),))
+    return None
+
+
 def _time_columns(table: RawTable) -> list[int]:
     """The places of the time columns that stand in front of signals, the first of all in front; none where there are
     fewer than two, or they differ in name or unit.
@@ -141,4 +159,4 @@ def _gone(t: Array) -> float:
     return float(np.maximum(np.diff(t), 0.0).sum())
 
 
-__all__ = ["contradicted", "one_clock"]
+__all__ = ["contradicted", "of_days", "one_clock"]

@@ -126,7 +126,10 @@ def _set_apart(
         floor = np.maximum(MIN_OUTLIER_DEVIATIONS * float(np.median(away)) / NORMAL_QUARTILE, least[1 + peaks])
         last = np.arange(1, sizes.size + 1)
         beyond = (sizes > floor) & (sizes > BEYOND * after) & (last > few) & (last <= MAX_WILD_SHARE * y.size)
-        beyond &= (sizes.size - last >= np.maximum(last, others)) if others else True
+        if others:
+            enough = np.maximum(last, others)
+            for k in np.flatnonzero(beyond & (sizes.size - last < enough)).tolist():
+                beyond[k] = sizes[k] > BEYOND * _longest_way(apart, peaks[: k + 1], length, int(enough[k]))
         if not beyond.any():
             continue
         limit = sizes[beyond].min()
@@ -134,6 +137,17 @@ def _set_apart(
         for k in beyond_line[~_turning(at, y, away, beyond_line, length)].tolist():
             found[1 + k : 1 + k + length] = True
     return np.flatnonzero(found)
+
+
+def _longest_way(apart: Array, peaks: Index, length: int, enough: int) -> float:
+    """Return how far the motion goes at most between two neighbours, ``apart`` (K,), those beside some ``peaks``
+    aside: a smooth motion in coarse steps has no peaks to know it by. Infinite where it does not go on in ``enough``
+    places.
+    """
+    rest = apart.copy()
+    for aside in range(-length - 1, length + 2):
+        rest[np.clip(peaks + aside, 0, rest.size - 1)] = 0.0
+    return float(rest.max(initial=0.0)) if np.count_nonzero(rest) >= enough else np.inf
 
 
 def _away(y: Array, length: int) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from signlin_ros import units
 from signlin_ros.errors import RecordError
 from signlin_ros.records import grammar
-from signlin_ros.records.clocks import contradicted
+from signlin_ros.records.clocks import contradicted, of_days
 from signlin_ros.records.counted import CALENDAR, SLOWEST, Times, asked, column_of, from_first
 from signlin_ros.records.header import TIME_KEYS, Heading, clock, names_a_time, pair, unit_of_time
 from signlin_ros.records.notes import Note
@@ -30,6 +30,8 @@ _STEPS = re.compile(
 """Names of columns that hold the time from row to row."""
 _PARTS = re.compile(r"(?i)(?:.*[\W_])?(?:milli(?:s|secs?|seconds?)?|m(?:s|secs?))\Z")
 """Names of columns that hold the ms beyond the whole seconds of another one."""
+NANOSECOND = 1e-9
+"""In s."""
 MIN_RISING = 0.2
 """Part of the rows at which a time goes on at least: several may share a stamp."""
 _UNIT_ALONE = re.compile(r"(?:m|u|µ|μ|n)s(?:ecs?)?|(?i:milli|micro|nano)(?:seconds?|secs?)")
@@ -52,6 +54,7 @@ def times_of(table: RawTable, signals: Mapping[str, str]) -> Times:
     if spec:
         return _as_said(table, spec)
     times = _found(table)
+    times = of_days(table, times) or times
     return replace(times, notes=(*times.notes, *contradicted(table, times)))
 
 
@@ -59,7 +62,10 @@ def _found(table: RawTable) -> Times:
     """The times of a table's rows, of which nothing is said."""
     best, two = clock(table.headings), pair(table.headings)
     if two is not None and (best is None or best in two):
-        return _two(table, *two)
+        if _beyond(table, *two[1:]):
+            return _two(table, *two)
+        if _one_clock(table, *two):
+            return column_of(table, two[1], "ns" if two[2] == NANOSECOND else "us")
     if best is not None and best.time is not None:
         return _finer(table, best)
     timed = [head for head in table.headings if _counts(table, head)]
@@ -242,6 +248,19 @@ def _two(table: RawTable, whole: Heading, part: Heading, size: float) -> Times:
     t = np.asarray((columns[whole.label] - begin) + columns[part.label] * size + offset, dtype=np.float64)
     said = f"time from {whole.label!r} and {part.label!r}"
     return Times(t, whole.label, frozenset({whole.label, part.label}), (Note(said, "clock", "t"),))
+
+
+def _beyond(table: RawTable, part: Heading, size: float) -> bool:
+    """Whether a column is what is beyond the whole seconds of another, and no clock by itself."""
+    column = table.columns[table.headings.index(part)]
+    return bool(column.size and np.nanmin(column) >= 0.0 and np.nanmax(column) * size < 1.0)
+
+
+def _one_clock(table: RawTable, whole: Heading, part: Heading, size: float) -> bool:
+    """Whether two columns say the same time in two units."""
+    first, second = (table.columns[table.headings.index(head)] for head in (whole, part))
+    scale = max(float(np.abs(np.diff(second)).max(initial=0.0)), 1.0)
+    return bool(first.size > 1 and np.abs(first - first[0] - (second - second[0]) * size).max() < scale * size)
 
 
 def _are_two(first: Array, second: Array) -> bool:

@@ -571,3 +571,50 @@ def test_a_labview_file_whose_x_begins_anew_at_every_write_has_no_time(tmp_path:
     assert list(record.signals) == ["a"]
     assert len(record) == 120
     assert any("its X begins anew 60 times, at every write, and is no time" in note for note in record.notes)
+
+
+@pytest.mark.parametrize("ends", ["first", "last"])
+def test_rows_that_come_in_bursts_of_any_size_are_even(ends: str, tmp_path: Path) -> None:
+    sizes = np.random.default_rng(4).integers(1, 7, 60)
+    last = np.cumsum(sizes) - 1
+    of = np.repeat(last if ends == "last" else last - sizes + 1, sizes)
+    (tmp_path / "run.csv").write_text("t,a\n" + "\n".join(f"{0.01 * k:.2f},{n}" for n, k in enumerate(of)))
+    record = read_record(tmp_path / "run.csv")
+    np.testing.assert_allclose(np.diff(record.t), 0.01, rtol=0.02)
+    assert any("come in bursts" in note for note in record.notes)
+
+
+def test_a_few_rows_that_are_too_early_cut_nothing(tmp_path: Path) -> None:
+    order = [*range(40), 46, *range(40, 46), *range(47, 90), 95, *range(90, 95), *range(96, 120)]
+    stamps = [0.01 * k for k in order]
+    stamps[70] = 5000.0  # and one that is wrong
+    (tmp_path / "run.csv").write_text("t,a\n" + "\n".join(f"{t:.2f},{k}" for t, k in zip(stamps, order, strict=True)))
+    (run,) = read_records(tmp_path / "run.csv")
+    assert run.signals["a"].values.tolist() == [k for k in range(120) if k != order[70]]
+    assert {note.kind for note in run.notes} >= {"sorted", "left_out"}
+
+
+def test_two_columns_of_one_clock_are_no_parts_of_it(tmp_path: Path) -> None:
+    rows = [f"{1_080_042_607_500 + 10_000_000 * k},{1080.0426075 + 0.01 * k:.7f},{k}V" for k in range(60)]
+    (tmp_path / "run.csv").write_text("MonoNS,MonoS,a\n" + "\n".join(rows))
+    np.testing.assert_allclose(np.diff(read_record(tmp_path / "run.csv").t), 0.01, rtol=1e-6)
+
+
+def test_a_time_in_millionths_of_a_day_that_is_called_ms(tmp_path: Path) -> None:
+    lines, begin = [], 40_000.5
+    for k in range(900):
+        day, date = begin + 0.01 * k / 86_400.0, f"06.07.2009 12:00:{int(0.01 * k):02d}"
+        lines += [f'"{name}";"{date}";{k + n};1;{day * 1e6:.9f}' for n, name in enumerate(("Drive_U", "Drive_I"))]
+    (tmp_path / "run.csv").write_text('"VarName";"TimeString";"VarValue";"Validity";"Time_ms"\n' + "\n".join(lines))
+    record = read_record(tmp_path / "run.csv")
+    np.testing.assert_allclose(np.diff(record.t), 0.01, rtol=1e-2)
+    assert any("millionths of a day" in note for note in record.notes)
+
+
+def test_data_types_stand_above_units_or_below(tmp_path: Path) -> None:
+    for rows in (("f8\tf8\tf8", "s\tV\t1/min"), ("s\tV\t1/min", "f8\tf8\tf8")):
+        head = ["ETASAsciiItemFile\trecord", "sampleCount\t30", "time\tmot_u\tmot_n", *rows]
+        body = [f"{0.01 * k:.2f}\t{k}\t{2 * k}" for k in range(30)]
+        (tmp_path / "run.txt").write_text("\n".join([*head, *body]))
+        signals = read_record(tmp_path / "run.txt").signals
+        assert {name: signals[name].unit for name in ("mot_u", "mot_n")} == {"mot_u": "V", "mot_n": "1/min"}

@@ -18,8 +18,8 @@ EMPTY_CELLS = frozenset(
 )
 """What a cell without a value holds, in small letters: the errors of spreadsheets and what instruments write beyond
 their range, too."""
-MEASURED = re.compile(r"([-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.,+-][^\s]*)")
-"""A number and its unit in one cell: ``0.005 sec``, ``12.1V``."""
+MEASURED = re.compile(r"([-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.,+/-][^\s]*)")
+"""A number and its unit in one cell: ``0.005 sec``, ``12.1V``; ``1/min`` is a unit alone."""
 GROUPED = re.compile(r"[-+]?[1-9]\d{0,2}(?:(?:[.'\u00a0\u202f ]\d{3})+,\d+|(?:[,'\u00a0\u202f ]\d{3})+\.\d+)")
 """A number in groups of three digits, ``1.234,5`` and ``1'234.5``: its last mark is the decimal one. Without that a
 mark may be either.

@@ -198,12 +198,13 @@ def _names(
     above = [cells(lines[i], separator) for i in kept[:first]]
     notes = []
     unit_row: tuple[str, ...] = ()
-    if len(above) > 1 and all(map(_TYPE.fullmatch, above[-1])) and len(above[-2]) >= len(above[-1]):
-        above.pop()
-        notes.append(Note("the row of data types below the header is left out", "format"))
+    typed = _without_types(above)
     if len(above) > 1 and _are_units(above[-1]) and len(above[-2]) >= len(above[-1]) - 1 and not _are_units(above[-2]):
         unit_row = tuple(cell.strip("[]() ") for cell in above.pop())
         notes.append(Note("the row below the header was taken for units", "format"))
+        typed = typed or _without_types(above)
+    if typed:
+        notes.append(Note("the row of data types below the header is left out", "format"))
     levels = _levels(above)
     if levels is not None:
         return *levels, [Note(f"a header of {len(above)} rows, as a data frame of several levels has", "format")]
@@ -219,6 +220,14 @@ def _names(
     start = lines[kept[first]].strip()
     called = f"no header: the columns are called c1 to c{width}; the first row is {shortened(start)!r}"
     return None, (), [Note(called, "format")]
+
+
+def _without_types(above: list[list[str]]) -> bool:
+    """Leave out a row of data types that stands last below names; tell whether there is one."""
+    found = len(above) > 1 and all(map(_TYPE.fullmatch, above[-1])) and len(above[-2]) >= len(above[-1])
+    if found:
+        above.pop()
+    return found
 
 
 def _levels(above: list[list[str]]) -> tuple[list[str], tuple[str, ...]] | None:
@@ -438,5 +447,11 @@ def labelled(shape: Layout) -> list[str]:
     if not shape.unit_row:
         return shape.header
     row = [*shape.unit_row, *[""] * len(shape.header)]
-    stated = zip(shape.header, row, strict=False)
-    return [f"{name} [{unit}]" if unit not in ("", "-") and not heading(name).unit else name for name, unit in stated]
+    return [_with_unit(name, unit) for name, unit in zip(shape.header, row, strict=False)]
+
+
+def _with_unit(name: str, unit: str) -> str:
+    """A name with the unit below it, where it does not state one itself, or ends as one that this is not."""
+    own = heading(name)
+    stated = bool(own.unit) and not (own.suffix and units.parse(own.unit) != units.parse(unit))
+    return name if unit in ("", "-") or stated else f"{name} [{unit}]"
