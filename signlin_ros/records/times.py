@@ -68,6 +68,9 @@ def _found(table: RawTable) -> Times:
             return column_of(table, two[1], "ns" if two[2] == NANOSECOND else "us")
     if best is not None and best.time is not None:
         return _finer(table, best)
+    dated = _with_milliseconds(table)
+    if dated is not None:
+        return dated
     timed = [head for head in table.headings if _counts(table, head)]
     if timed:
         return _taken(table, timed)
@@ -159,6 +162,21 @@ def _finer(table: RawTable, best: Heading) -> Times:
                 note = Note(f"the ms in {head.label!r} are added to the time in {best.label!r}", "assumed", "t")
                 return replace(times, t=t, used=times.used | {head.label}, notes=(*times.notes, note))
     return times
+
+
+def _with_milliseconds(table: RawTable) -> Times | None:
+    """The time of a column of dates and the ms beyond its seconds in another one; None where there are none."""
+    pairs = list(zip(table.headings, table.columns, strict=True))
+    whole = {**table.dated, **{head.label: column for head, column in pairs if head.unit == "s"}}
+    for head, column in pairs:
+        if not (_PARTS.match(head.name) and column.size > 1 and column.min() >= 0.0 and column.max() < 1000.0):
+            continue
+        for label, seconds in whole.items():
+            t = seconds + 1e-3 * column
+            if (np.diff(t) > 0).all():
+                note = Note(f"the ms in {head.label!r} are added to the time in {label!r}", "assumed", "t")
+                return Times(t - t[0], label, frozenset({label, head.label}), (note,))
+    return None
 
 
 def _by_steps(table: RawTable, head: Heading) -> Times | None:

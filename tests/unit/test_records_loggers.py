@@ -618,3 +618,37 @@ def test_data_types_stand_above_units_or_below(tmp_path: Path) -> None:
         (tmp_path / "run.txt").write_text("\n".join([*head, *body]))
         signals = read_record(tmp_path / "run.txt").signals
         assert {name: signals[name].unit for name in ("mot_u", "mot_n")} == {"mot_u": "V", "mot_n": "1/min"}
+
+
+KEYED = {
+    "labchart.txt": "Interval=\t0.005 s\nExcelDateTime=\t4.4e+004\nChannelTitle=\tU\tN\nRange=\t20 V\t200 V\n"
+    "UnitName=\tV\trpm\n" + "\n".join(f"{t:.3f}\t{a:.3f}\t{b:.3f}" for t, a, b in ROWS),
+    "yokogawa.csv": '"Header Size",6\n"TraceName","U","N"\n"BlockSize",40,40\n"VUnit","V","rpm"\n'
+    '"HResolution",5.0E-03,5.0E-03\n"Date","2021/03/04"\n\n' + "\n".join(f"{a:.5E},{b:.5E}," for _, a, b in ROWS),
+    "graphtec.csv": "Vendor,GRAPHTEC\nSampling interval,5ms\n\nLogic/Pulse,Off\nData\nNumber,Date&Time,ms,U,N,X,Alarm\n"
+    "NO.,Time,ms,V,rpm,V,\n"
+    + "\n".join(
+        f"{k + 1},2021/03/04 10:11:{12 + (995 + 5 * k) // 1000},{(995 + 5 * k) % 1000:3d},"
+        f'+{a:9.4f},+{b:9.4f},-   1.0,"LL"'
+        for k, (_, a, b) in enumerate(ROWS)
+    ),
+}
+
+
+@pytest.mark.parametrize("name", KEYED)
+def test_names_behind_keys_and_signs_apart(name: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_text(KEYED[name] + "\n")
+    record = read_record(tmp_path / name)
+    np.testing.assert_allclose(record.t - record.t[0], [t for t, _, _ in ROWS], atol=1e-9)
+    assert (record.signals["U"].unit, record.signals["N"].unit) == ("V", "rpm")
+    np.testing.assert_allclose(record.signals["N"].values, [b for _, _, b in ROWS], atol=1e-3)
+
+
+def test_objects_behind_a_stamp_and_a_topic_are_called_by_it(tmp_path: Path) -> None:
+    lines = [
+        f'2021-03-04T10:11:12.{5 * k:03d}000Z rig/motor {{"u":{a:.3f},"n":{b:.3f}}}' for k, (_, a, b) in enumerate(ROWS)
+    ]
+    (tmp_path / "mqtt.log").write_text("\n".join(lines) + "\n")
+    record = read_record(tmp_path / "mqtt.log")
+    np.testing.assert_allclose(record.t, [t for t, _, _ in ROWS], atol=1e-9)
+    assert set(record.signals) == {"rig/motor.u", "rig/motor.n"}

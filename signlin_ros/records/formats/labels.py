@@ -44,6 +44,8 @@ _PREFIX = re.compile(
 """What ROS, a serial monitor or a program's log puts in front of a line: ``[INFO] [1719000000.5] [node]: ``,
 ``10:05:03.125 -> ``, ``2024-07-01 10:05:03,125 - INFO - ``.
 """
+_TOPIC = re.compile(r"Z?\s*([\w/.-]*[A-Za-z][\w/.-]*)\s+(?=\{)")
+"""A topic in front of an object, as a client of MQTT prints it."""
 _NUMBER = r"(?:[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?|[-+]?nan)"
 _VALUES = re.compile(rf"{_NUMBER}(?:(?:\s*[,;\t]\s*| +){_NUMBER})*")
 ENDS_OF_PREFIX = (">", "|", ":", "-", "]")
@@ -204,9 +206,12 @@ def _value(cell: str) -> float:
 
 def _json(line: str) -> Labelled | None:
     prefix = _PREFIX.match(line)
-    row = _object(line[prefix.end() :] if prefix else line)
+    rest = line[prefix.end() :] if prefix else line
+    topic = _TOPIC.match(rest)
+    row = _object(rest[topic.end() :] if topic else rest)
     stamp: Labelled = {"stamp": (_stamp(prefix), "s")} if prefix else {}
-    found: Labelled = {name: (value, "") for name, value in leaves(row)} if isinstance(row, dict) else {}
+    before = f"{topic[1]}." if topic else ""
+    found: Labelled = {before + name: (value, "") for name, value in leaves(row)} if isinstance(row, dict) else {}
     return {**stamp, **found} if found else None
 
 

@@ -199,8 +199,9 @@ def _names(
     notes = []
     unit_row: tuple[str, ...] = ()
     typed = _without_types(above)
-    if len(above) > 1 and _are_units(above[-1]) and len(above[-2]) >= len(above[-1]) - 1 and not _are_units(above[-2]):
-        unit_row = tuple(cell.strip("[]() ") for cell in above.pop())
+    below = len(above) > 1 and (_are_units(above[-1]) or _repeats_units(above[-1], above[-2]))
+    if below and len(above[-2]) >= len(above[-1]) - 1 and not _are_units(above[-2]):
+        unit_row = tuple(_unit_in(cell) for cell in above.pop())
         notes.append(Note("the row below the header was taken for units", "format"))
         typed = typed or _without_types(above)
     if typed:
@@ -244,12 +245,29 @@ def _levels(above: list[list[str]]) -> tuple[list[str], tuple[str, ...]] | None:
     return [last[0], *names[1:]], tuple(unit_row)
 
 
+def _unit_in(cell: str) -> str:
+    """A unit as it stands in a row of units, without brackets; nothing for what is none beside them."""
+    bare = cell.strip("[]() ")
+    return bare if bare == "-" or _is_unit(bare) or not bare[:1].isalpha() else ""
+
+
+def _is_unit(cell: str) -> bool:
+    return units.parse(cell) is not None or cell in ("C", "degC", "counts", "ticks")
+
+
+def _repeats_units(row: Sequence[str], names: Sequence[str]) -> bool:
+    """Whether a row holds a unit twice, as no header does, below names that all differ: what else it holds is the
+    first column's, ``NO.``, or that of the time.
+    """
+    twice = [cell for cell, count in Counter(cell for cell in row if cell).items() if count > 1]
+    differ = len({name for name in names if name}) == sum(map(bool, names))
+    return len(names) >= len(row) and differ and any(map(_is_unit, twice))
+
+
 def _are_units(row: Sequence[str]) -> bool:
     """Whether a row holds units, brackets or nothing, and units at least."""
     found = [cell.strip("[]() ") for cell in row]
-    known = [
-        cell for cell in found if cell and (units.parse(cell) is not None or cell in ("C", "degC", "counts", "ticks"))
-    ]
+    known = [cell for cell in found if cell and _is_unit(cell)]
     return bool(known) and all(cell in known or cell in ("", "-") for cell in found)
 
 

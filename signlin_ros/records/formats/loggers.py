@@ -11,6 +11,8 @@ Each is known by what stands at its beginning. What comes out is a table with na
 - ``t:0.005, u:1.2`` and ``{"t": 0.005, "m": {"u": 1.2}}``: a name before every value, also a line for each; ``m.u`` of
   objects in objects.
   What a monitor or a program's log puts in front of a line, ``10:05:03.125 -> ``, is its ``stamp``.
+- LabChart and Yokogawa: names, units and the step behind keys, ``ChannelTitle=``, ``"TraceName"``, above the numbers.
+- Signs apart from their digits, ``+   1.25`` (Graphtec).
 - Tables whose cells hold lists, ``"[0.1, 0.2]"``, as data frames of robots are written: ``q[0]``, ``q[1]``.
 """
 
@@ -41,6 +43,9 @@ _FRAMES = re.compile(
 _TUPLE, LABEL_ROWS = re.compile(r"[ \t]*[(\[][^()\[\]\n]*[)\]],?[ \t]*", re.MULTILINE), 50
 """A row in brackets, as a program prints a tuple; so many of them tell."""
 _LISTS = re.compile(r'^[^"\[{]+\n(?:[^\n]*?[,;\t])?"[\[(]\s*[-+.\d]')
+_SIGN_APART = re.compile(r"(?<=[,;\t])[ ]*([-+])[ ]+(\d)")
+NAMES_KEYS, UNITS_KEYS, STEP_KEYS = ("channeltitle", "tracename"), ("unitname", "vunit"), ("interval", "hresolution")
+"""Keys in front of the names of columns, of their units, and of the step in s."""
 VOLTS = ("volt", "volts", "v")
 """What an oscilloscope calls what a probe shows, whatever that measures: no unit of it."""
 MAX_WRITES = 50
@@ -73,7 +78,7 @@ def plain(text: str) -> Plain | None:
     if _TUPLE.match(start) and all(_TUPLE.fullmatch(line) for line in text.split("\n")[:LABEL_ROWS] if line.strip()):
         rows = [line.strip().rstrip(",")[1:-1] for line in text.split("\n") if _TUPLE.fullmatch(line)]
         return "\n".join(rows) + "\n", Note("rows in brackets", "format")
-    return labelled(text) or stamped(text) or blocks(text)
+    return labelled(text) or stamped(text) or blocks(text) or _keyed(text) or _signs_apart(text)
 
 
 # -------------------------------------------------------------------- what all of them become
@@ -104,6 +109,38 @@ def _table(tracks: Sequence[Track], what: str, time: str = "t [s]") -> Plain | N
             column[np.searchsorted(rows, t)] = y
             columns.append(column)
     return table_text(header, [rows, *columns]), Note(said, "format")
+
+
+# -------------------------------------------------------------------- names behind keys, signs apart
+
+
+def _keyed(text: str) -> Plain | None:
+    """Return rows of numbers below keys, of which one names the columns, others give their units and the step."""
+    if not any(key in text[:4000].lower() for key in NAMES_KEYS):
+        return None
+    mark = "\t" if "\t" in text[:4000] else ","
+    lines = [row for row in csv.reader(text.split("\n"), delimiter=mark) if any(cell.strip() for cell in row)]
+    first = next((k for k, row in enumerate(lines) if all(is_number(cell.strip()) for cell in row if cell.strip())), 0)
+    keys = {row[0].strip(" =:").lower(): [cell.strip() for cell in row[1:] if cell.strip()] for row in lines[:first]}
+    names = next((keys[key] for key in NAMES_KEYS if keys.get(key)), [])
+    rows = [[cell.strip() for cell in row if cell.strip()] for row in lines[first:]]
+    widths = {len(row) for row in rows}
+    if not names or widths not in ({len(names)}, {len(names) + 1}):
+        return None
+    units = next((keys[key] for key in UNITS_KEYS if len(keys.get(key, ())) == len(names)), [""] * len(names))
+    header = [header_cell(with_unit(name, unit)) for name, unit in zip(names, units, strict=True)]
+    step = next((_number(keys[key][0].split()[0]) for key in STEP_KEYS if keys.get(key)), np.nan)
+    if widths == {len(names)} and step > 0.0:
+        rows = [[repr(k * step), *row] for k, row in enumerate(rows)]
+    head = ["t [s]", *header] if len(rows[0]) > len(names) else header
+    return "\n".join(map(",".join, [head, *rows])) + "\n", Note("names of columns behind a key", "format")
+
+
+def _signs_apart(text: str) -> Plain | None:
+    """Return a table with the signs at their digits; None where none is apart."""
+    if not _SIGN_APART.search(text[:4000]):
+        return None
+    return _SIGN_APART.sub(r"\1\2", text), Note("signs stand apart from their digits", "format")
 
 
 # -------------------------------------------------------------------- LabVIEW
