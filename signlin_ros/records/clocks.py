@@ -123,12 +123,16 @@ def _stems(table: RawTable) -> list[str]:
 
 
 def _clocks(table: RawTable, places: Sequence[int]) -> list[_Clock]:
-    """The clocks at some columns, in s; none where one of them goes back, or the first has no value."""
+    """The clocks at some columns, in s; none where one of them goes back or hardly on, or the first has no value."""
     if not places:
         return []
     raw = [table.columns[k] for k in places]
     known = [np.isfinite(column) for column in raw]
-    if not known[0].all() or any((np.diff(c[there]) <= 0.0).any() for c, there in zip(raw, known, strict=True)):
+    if (
+        not known[0].all()
+        or min(there.sum() for there in known) <= MIN_TICKS
+        or any((np.diff(c[there]) <= 0.0).any() for c, there in zip(raw, known, strict=True))
+    ):
         return []
     head = table.headings[0]
     unit = (heading(_stems(table)[0]).time or (0, ""))[1] or head.unit
