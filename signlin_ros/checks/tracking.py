@@ -28,8 +28,8 @@ FORCE = re.compile(
 MAX_COMMAND_RESIDUAL, MAX_GAIN_ERROR, LATE = 0.05, 0.1, 0.5
 """What the input's own number, late by a lag and a delay of at most so many s, leaves of the position's square; by how
 much the gain may differ from 1."""
-FINER = 4
-"""Delays and lags to either side of the best of a coarse grid."""
+DELAYS, FINER = 12, 4
+"""Delays of a grid; of a finer one, delays and lags to either side of the best."""
 MIN_COMMAND_CORRELATION = 0.7
 """Least correlation of both as they stand: a force on a mass leads to one near nothing, or to an opposite one."""
 STRICT_PART = 0.2
@@ -83,7 +83,7 @@ def proportion(pairs: Pairs) -> float | None:
             return None
         given, shown = u[there] - u[there].mean(), x[there] - x[there].mean()
         gain = float(np.copysign(shown.std() / given.std(), given @ shown))
-        followed, size = _best(gain * given, shown, look.step), float(shown @ shown)
+        followed, size = _best(gain * given, shown, look.step).values, float(shown @ shown)
         if not min(size, float(followed @ followed)) > 0.0:  # too small for a square
             return None
         if gain < 0.0 and np.array_equal(followed, gain * given):
@@ -104,7 +104,7 @@ def _tracked(pairs: Pairs, strict: float) -> bool:
         there = np.isfinite(x)
         if there.sum() < MIN_SAMPLES or np.ptp(u) == 0.0:
             continue
-        followed = _best(u[there], x[there], look.step)
+        followed = _finest(u[there], x[there], look.step)
         size = float(np.sum((x[there] - x[there].mean()) ** 2))
         whole, left = whole + size, left + float(np.sum((x[there] - followed) ** 2))
         a, b = followed - followed.mean(), x[there] - x[there].mean()
@@ -119,14 +119,17 @@ def _tracked(pairs: Pairs, strict: float) -> bool:
     )
 
 
-def _best(u: Array, x: Array, step: float) -> Array:
-    """Return the input (T,) with the lag and delay after which it is nearest to the position (T,): the best of a grid,
-    then of a finer one around it.
-    """
+def _best(u: Array, x: Array, step: float) -> _Late:
+    """Return the input (T,) with the lag and delay of a grid after which it is nearest to the position (T,)."""
     most = max(min(LATE, step * u.size / 10.0), step)
-    delays = np.unique(np.round(np.linspace(0.0, most / step, 12)).astype(int))
-    best = _nearest(u, x, step, delays, np.concatenate([[0.0], np.geomspace(step / 2.0, most, 8)]), _Late(u))
-    apart = int(np.diff(delays).max(initial=1))
+    delays = np.unique(np.round(np.linspace(0.0, most / step, DELAYS)).astype(int))
+    return _nearest(u, x, step, delays, np.concatenate([[0.0], np.geomspace(step / 2.0, most, 8)]), _Late(u))
+
+
+def _finest(u: Array, x: Array, step: float) -> Array:
+    """Return the nearest (T,) of a finer grid around that: a hundredth of the square is not left to a coarse one."""
+    best = _best(u, x, step)
+    apart = int(np.ceil(max(min(LATE, step * u.size / 10.0), step) / step / (DELAYS - 1)))
     delays = np.arange(max(best.delay - apart, 0), best.delay + apart + 1)[:: -(-apart // FINER)]
     lags = best.lag * np.geomspace(0.5, 2.0, 2 * FINER + 1) if best.lag else np.array([0.0, step / 2.0])
     return _nearest(u, x, step, delays, lags, best).values
