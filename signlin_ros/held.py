@@ -78,7 +78,7 @@ class Held:
 def dropped(values: Array) -> NDArray[np.bool_]:
     """Return which of values (T,) repeat the one before because no reading came: runs of equal values that the noise of
     the channel makes none of, not even once in so many samples (`CHANCE`), and after which it leaps. A machine that
-    stands still leaves its place slowly.
+    stands still leaves its place slowly; at its largest or smallest value a channel is at the end of its range.
     """
     there = np.flatnonzero(np.isfinite(values))
     y, found = values[there], np.zeros(values.size, dtype=np.bool_)
@@ -92,7 +92,8 @@ def dropped(values: Array) -> NDArray[np.bool_]:
     alike = min(float(np.median(steps_shown(y))) / (2.0 * np.sqrt(np.pi) * sigma), 1.0)
     longest = int(np.ceil(np.log(CHANCE / y.size) / np.log(alike))) if 0.0 < alike < 1.0 else MIN_REPEATS
     begins, ends = ends_of_runs(~new)  # repetitions
-    long = (ends - begins >= max(longest, MIN_REPEATS)) & (y[begins] != 0.0) & (ends < y.size) & (alike < 1.0)
+    inside = (y[begins] != 0.0) & (y[begins] > y.min()) & (y[begins] < y.max()) & (ends < y.size)
+    long = (ends - begins >= max(longest, MIN_REPEATS)) & inside & (alike < 1.0)
     begins, ends = begins[long], ends[long]
     if not begins.size or np.median(np.abs(y[ends] - y[begins])) < LEAP * np.median(changes[changes > 0.0]):
         return found

@@ -111,6 +111,15 @@ def test_wild_samples_of_a_force_and_of_a_displacement_are_left_out() -> None:
     assert np.abs(after.u[5:-5, 0] - record.u[5:-5, 0]).max() < 0.1 * np.abs(record.u).max()  # worked out anew
 
 
+def test_a_channel_at_the_end_of_its_range_is_clipped_and_no_reading_failed() -> None:
+    record = motor(QUASI_STATIC)
+    limit = 0.6 * np.abs(record.measured["current"]).max()
+    clipped = np.clip(record.measured["current"], -limit, limit)
+    found = checked(QUASI_STATIC, with_channel(record, "current", clipped))[1]
+    assert "held_readings" not in found
+    assert [finding.channel for finding in found["clipped"]] == ["current"]
+
+
 def test_readings_that_are_held_are_left_out() -> None:
     record = motor()
     speed, lost = record.measured["speed"].copy(), np.zeros(SAMPLES, dtype=bool)
