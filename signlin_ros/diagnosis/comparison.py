@@ -31,7 +31,7 @@ from signlin_ros.follow.data import Segment, as_list, measured_channels, stretch
 from signlin_ros.follow.freerun import FreeRun, free_run
 from signlin_ros.follow.observer import OBSERVER_TRUSTS, Observer
 from signlin_ros.follow.outliers import without_outliers
-from signlin_ros.follow.segments import pieces
+from signlin_ros.follow.segments import pieces, spread, told_spread
 from signlin_ros.follow.tracking import mean_square
 from signlin_ros.model import Model
 from signlin_ros.noise import Noise, noise_level, sensor_noise
@@ -76,6 +76,7 @@ def compare(
     horizon or a cut-off that the sampling cannot serve.
     """
     records, watched = as_list(data), _watched(progress)
+    seen, long = _spread(model, records)
     steps = np.concatenate([np.diff(record.t) for record in records])
     if model.asks_hold and steps.size:  # before anything is fitted
         _horizon(model, horizon, float(np.median(steps)))
@@ -84,7 +85,7 @@ def compare(
     told = [both.dataset.told_hold] if both and both.dataset.told_hold else []
     model = model.with_options(input_hold=both.dataset.model.input_hold) if both else model
     watched.say("noise of the sensors")
-    observer, notes = _observed(model, records)
+    observer, notes = _observed(model, seen)
     units, horizon = dict(records[0].units), _horizon(model, horizon, observer.step)
     watched.say("free run from the start")
     free = _free(observer, notes)
@@ -94,7 +95,7 @@ def compare(
     lacking, residuals = missing(observer, units), [run.innovation for run in observer.runs(observer.design(TRUSTING))]
     scored = _scored(observer, units, free, window, prepared.noise if isinstance(prepared, Dataset) else {})
     watched.say("where it fails")
-    efforts = compare_efforts(model, records, cutoff)
+    efforts = compare_efforts(model, seen, cutoff)
     effort, where = efforts.inverse(model, units) if efforts else None, locate(observer, lacking, units)
 
     def refit() -> FirstRows:
@@ -111,13 +112,23 @@ def compare(
         horizon=horizon,
         samples=sum(len(record) for record in records),
         sources=tuple(record.source for record in records),
-        notes=(*notes, *told, *_remarks(observer, scored, lacking, where)),
+        notes=(*notes, *long, *told, *_remarks(observer, scored, lacking, where)),
         directions={m.name: by_direction(observer, m, units) for m in lacking if m.clear},
         units=units,
         traces=_traces(observer, free, window, residuals),
         missing=lacking,
         refit=refit,
     )
+
+
+def _spread(model: Model, records: Sequence[ModelData]) -> tuple[list[ModelData], list[str]]:
+    """Return long records as stretches, spread evenly, and the note on it; a loop is run from where they begin."""
+    sizes = [len(record) for record in records]
+    used = spread(sizes)
+    told = told_spread([record.source for record in records], sizes, used)
+    if not told or model.plant.closed_loop:
+        return list(records), []
+    return [records[one.record].part(one.first, one.first + one.size) for one in used], [told]
 
 
 def _as_diagnosed(model: Model, data: Records, validation: Records | None) -> Dataset | InputError:

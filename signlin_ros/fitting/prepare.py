@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.errors import RecordError, joined
+from signlin_ros.errors import RecordError
 from signlin_ros.fitting.candidate import Candidate
 from signlin_ros.fitting.derived import MAX_UNTOLD_LAG, lag, without_derived
 from signlin_ros.fitting.fit import Fit
@@ -25,6 +25,8 @@ from signlin_ros.follow.segments import (
     moves,
     pieces,
     prepared_segment,
+    spread,
+    told_spread,
     with_measured_position,
 )
 from signlin_ros.follow.tracking import mean
@@ -34,8 +36,6 @@ from signlin_ros.records import ModelData
 
 MAX_FIT_SAMPLES, FIT_SEGMENTS = 20_000, 10
 """Most samples that are fitted to, in so many stretches: more only make standard errors too small."""
-MAX_SAMPLES, STRETCHES = 400_000, 10
-"""Most samples of the training, and of the validation data, that anything is computed of, in so many stretches."""
 MOST_FOLDS = 6
 """Most parts of the records that are held out in turn."""
 CONDITIONS = 3
@@ -106,20 +106,14 @@ def held_in_turn(model: Model, data: Sequence[ModelData]) -> tuple[Problem, Prob
 
 def _thinned(problem: Problem) -> Problem:
     """Return a problem on stretches of long records, spread evenly; a loop is run from where its records begin."""
-    if problem.samples <= MAX_SAMPLES or problem.base.plant.closed_loop:
-        return problem
-    size = MAX_SAMPLES // STRETCHES
     sizes = [s.t.size for s in problem.segments]
-    places = [(i, first, min(size, n - first)) for i, n in enumerate(sizes) for first in range(0, n, size)]
-    places = [one for one in places if one[2] >= min(LEAST_SAMPLES, sizes[one[0]])]
-    count = int(MAX_SAMPLES * len(places) / sum(n for _, _, n in places))
-    chosen = [places[k] for k in np.linspace(0, len(places) - 1, count).round().astype(int)]
-    segments = tuple(stretch_of(problem, problem.segments[i], first, n) for i, first, n in chosen)
-    parts = tuple(problem.parts[i].part(first, first + n) for i, first, n in chosen)
-    used = sum(n for _, _, n in chosen)
-    sources = joined(list(dict.fromkeys(s.source for s in problem.segments)))
-    note = f"{sources}: of {problem.samples:,} samples {used:,} are used, in {count} stretches spread evenly"
-    return replace(problem, segments=segments, parts=parts, notes=(*problem.notes, note))
+    used = spread(sizes)
+    told = told_spread([s.source for s in problem.segments], sizes, used)
+    if not told or problem.base.plant.closed_loop:
+        return problem
+    segments = tuple(stretch_of(problem, problem.segments[i], first, n) for i, first, n in used)
+    parts = tuple(problem.parts[i].part(first, first + n) for i, first, n in used)
+    return replace(problem, segments=segments, parts=parts, notes=(*problem.notes, told))
 
 
 def _derived(model: Model, data: Sequence[ModelData], channel: str) -> str:

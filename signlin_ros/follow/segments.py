@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,11 @@ MAX_UNKNOWN_DIRECTION = 0.05
 """Share of the samples up to which those where the direction of an imposed velocity is not known are left out."""
 
 
+MAX_SAMPLES, STRETCHES = 400_000, 10
+"""Most samples of the training, and of the validation data, that anything is computed of, in so many stretches: more
+only make standard errors smaller than models are wrong."""
+
+
 @dataclass(frozen=True)
 class PreparedSegment:
     """One record: t (T,) s, u (T, m), y (T, ny) with NaN for missing, and where it starts, by state.
@@ -66,6 +72,36 @@ def twin(name: str, known: Sequence[str]) -> str:
     inner = name.rpartition(".")[2]
     aliases = {"position": ("displacement", "position"), "velocity": ("velocity", "speed")}
     return next((k for k in aliases.get(inner, ()) if "." in name and k in known), "")
+
+
+class Stretch(NamedTuple):
+    """``size`` samples from ``first`` on of the record that is number ``record``."""
+
+    record: int
+    first: int
+    size: int
+
+
+def spread(sizes: Sequence[int]) -> list[Stretch]:
+    """Return stretches of records of some sizes, spread evenly, `MAX_SAMPLES` together at most; whole records where
+    these have no more.
+    """
+    total, size = sum(sizes), MAX_SAMPLES // STRETCHES
+    if total <= MAX_SAMPLES:
+        return [Stretch(i, 0, n) for i, n in enumerate(sizes)]
+    places = [Stretch(i, first, min(size, n - first)) for i, n in enumerate(sizes) for first in range(0, n, size)]
+    places = [one for one in places if one.size >= min(LEAST_SAMPLES, sizes[one.record])]
+    at = np.linspace(0, len(places) - 1, int(MAX_SAMPLES * len(places) / sum(one.size for one in places)))
+    return [places[k] for k in at.round().astype(int)]
+
+
+def told_spread(sources: Sequence[str], sizes: Sequence[int], used: Sequence[Stretch]) -> str:
+    """Return that stretches of records are used, in words; empty where all of them are."""
+    total, some = sum(sizes), sum(one.size for one in used)
+    if some == total:
+        return ""
+    names = joined(list(dict.fromkeys(sources)))
+    return f"{names}: of {total:,} samples {some:,} are used, in {len(used)} stretches spread evenly"
 
 
 def stand_still(channels: Sequence[str]) -> str:

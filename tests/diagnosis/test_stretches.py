@@ -9,6 +9,7 @@ from signlin_ros.fitting import prepare as prepare_module
 from signlin_ros.fitting.candidate import candidate
 from signlin_ros.fitting.fit import fit
 from signlin_ros.fitting.problem import prepare
+from signlin_ros.follow import segments
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.simulation import simulate
@@ -92,8 +93,8 @@ def test_what_was_before_a_late_input_counts_as_much_as_the_rest():
 
 
 def test_of_records_too_long_even_stretches_are_used_and_told(monkeypatch):
-    monkeypatch.setattr(prepare_module, "MAX_SAMPLES", 1000)
-    monkeypatch.setattr(prepare_module, "STRETCHES", 5)
+    monkeypatch.setattr(segments, "MAX_SAMPLES", 1000)
+    monkeypatch.setattr(segments, "STRETCHES", 5)
     model = motor()
     whole = record(model, ("current", "speed"), steps(8.0))
     known, unseen = prepare_module.prepared(model, [whole, whole.part(0, 900)], [whole.part(0, 800)])
