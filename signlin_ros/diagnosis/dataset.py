@@ -89,13 +89,13 @@ class Dataset:
         return found
 
     @property
-    def one_cycle(self) -> bool:
+    def repeats_one_cycle(self) -> bool:
         """Whether an imposed motion holds one cycle again and again: speed and memory look alike there."""
         swings = np.concatenate([np.zeros((0, 2)), *self._swings])
         return len(swings) > 1 and bool(np.all(swings.max(axis=0) < MAX_SWING_RATIO * swings.min(axis=0)))
 
     @property
-    def seldom(self) -> bool:
+    def turns_once(self) -> bool:
         """Whether an imposed motion turns back once in each record at most: memory and time look alike there."""
         return bool(self._swings) and not any(map(len, self._swings))
 

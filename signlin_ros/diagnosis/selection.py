@@ -97,8 +97,9 @@ def _first_choice(evidence: Evidence) -> tuple[FittedModel, str]:
         return _unless_angular(evidence, proposal), ""
     if proposal is not None and (other := search_single_laws(evidence, proposal)):
         return other, ""
-    if proposal is None and evidence.cache.weighed:
-        other = _with_unseen_effect(evidence, evidence.cache.weighed[0])
+    if proposal is None and evidence.cache.weighed:  # the laws that were refused were the first to be weighed
+        refused = evidence.cache.weighed[0]
+        other = _with_unseen_effect(evidence, refused)
         if other is not None:
             return other, ""
     if proposal is None or not evidence.explains_force(proposal):
@@ -161,16 +162,16 @@ def _confirmed_by_simulation(evidence: Evidence, force: EquationErrorResult) -> 
 
 def _confirmed(choice: FamilyChoice, proposal: FittedModel) -> FittedModel | None:
     """Return a set of laws that was fitted by simulation, with the better parameters; None where it is refused."""
-    evidence, c, motion = choice.evidence, choice.evidence.criteria, choice.evidence.output_error
+    evidence, criteria, motion = choice.evidence, choice.evidence.criteria, choice.evidence.output_error
     proposal = choice.of_ties(proposal)
-    other = evidence.with_better_values(proposal) if proposal.insignificant(c) else proposal
-    stated = other is not proposal and motion.improvement(evidence.base, other).t_ratio >= c.min_t
+    other = evidence.with_better_values(proposal) if proposal.insignificant(criteria) else proposal
+    stated = other is not proposal and motion.improvement(evidence.base, other).t_ratio >= criteria.min_t
     proposal = other if stated else proposal
-    g = motion.improvement(evidence.base, proposal)
-    least = 0.0 if evidence.explains_force(proposal) else c.min_validation_t
-    if g.t_ratio < least or g.worsens(c) or motion.unresolved(proposal):
+    gain = motion.improvement(evidence.base, proposal)
+    least = 0.0 if evidence.explains_force(proposal) else criteria.min_validation_t
+    if gain.t_ratio < least or gain.worsens(criteria) or motion.unresolved(proposal):
         return None
-    if not stated and proposal.insignificant(c):
+    if not stated and proposal.insignificant(criteria):
         options = motion.simplified(proposal)
         evidence.cache.keep(*options)
         options = motion.as_good_as_best(evidence.base, options)

@@ -89,7 +89,7 @@ def reason_of(tests: ValidationTests, conflict: str = "") -> str:
         return "worse"
     if tests.names and tests.no_better:
         return "given"
-    if tests.final.remembers and tests.dataset.seldom:
+    if tests.final.remembers and tests.dataset.turns_once:
         return "once"
     if tests.names and tests.of_noise:
         return "noise"
@@ -144,14 +144,14 @@ def _reason_by_motion(tests: ValidationTests) -> str:
 
 def verdict_of(evidence: Evidence, selection: Selection) -> Verdict:
     """Test a selected model on validation data, and return what follows."""
-    t = ValidationTests(evidence, selection.chosen)
-    reason = reason_of(t, selection.conflict)
+    tests = ValidationTests(evidence, selection.chosen)
+    reason = reason_of(tests, selection.conflict)
     refused = evidence.output_error.refusal(evidence.base, selection.chosen) if selection.asked else ""
     named, open_reason = bool(selection.chosen.effects), reason
     if refused:  # what `add` was asked for is not named then: the label is that of the base model
         named, open_reason = False, reason_of(ValidationTests(evidence, evidence.base))
-    without = {n: t.without(n) for n in t.names}
-    steps, sampled = t.steps(), t.sampled()
+    without = {n: tests.without(n) for n in tests.names}
+    steps, sampled = tests.steps(), tests.sampled()
     return Verdict(
         selection=selection,
         base=evidence.base,  # asked for after these fits, which may have led further down
@@ -160,17 +160,17 @@ def verdict_of(evidence: Evidence, selection: Selection) -> Verdict:
         steps=steps,
         without=without,
         refused=refused,
-        reversed=t.reversed,
-        lost=tuple(t.unfollowed) if reason == "lost" else (),
-        far=t.far,
-        percent=t.percent,
-        imposed=t.imposed,
-        flexible=t.flexible,
-        changing=t.changing,
-        loop=t.loop,
-        alone=bool(t.names) and not reason and t.leaves_much_motion and t.carries_over,
-        worse=t.worse() if reason == "worse" else "",
-        beside_given=t.beside_given,
+        reversed=tests.reversed,
+        lost=tuple(tests.unfollowed) if reason == "lost" else (),
+        far=tests.far,
+        percent=tests.percent,
+        imposed=tests.imposed,
+        flexible=tests.flexible,
+        changing=tests.changing,
+        loop=tests.loop,
+        alone=bool(tests.names) and not reason and tests.leaves_much_motion and tests.carries_over,
+        worse=tests.worse() if reason == "worse" else "",
+        beside_given=tests.beside_given,
         sampled=sampled,
     )
 

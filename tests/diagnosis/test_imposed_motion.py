@@ -317,8 +317,8 @@ def test_of_one_cycle_alone_it_is_said_that_speed_and_memory_look_alike(amplitud
         units = {"displacement": "m", "force": "N", "velocity": "m/s"}
         records.append(ModelData(t, v[:, None], force, None, ("velocity",), ("displacement",), units))
     model, driven = (SimpleNamespace(base=m) for m in (model, Model.load("dc_motor")))
-    assert Dataset(model.base, tuple(records), model, model).one_cycle is told
-    assert not Dataset(driven.base, tuple(records), driven, driven).one_cycle
+    assert Dataset(model.base, tuple(records), model, model).repeats_one_cycle is told
+    assert not Dataset(driven.base, tuple(records), driven, driven).repeats_one_cycle
 
 
 @pytest.mark.parametrize(("strokes", "seen"), [(2, True), (8, False)], ids=["there and back", "to and fro"])
@@ -337,7 +337,7 @@ def test_memory_is_not_told_from_time_by_a_single_reversal(strokes, seen):
         units = {"displacement": "m", "force": "N", "velocity": "m/s"}
         measured = {"displacement": x, "force": force}
         records.append(ModelData(t, v[:, None], measured, None, ("velocity",), ("displacement",), units))
-    assert dataset_of(model, *records).seldom is seen
+    assert dataset_of(model, *records).turns_once is seen
     found = diagnose(model, *records)
     assert found.missing[0].status != "rejected"
     assert ("turns back only once" in found.sentence) is seen

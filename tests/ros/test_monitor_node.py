@@ -58,7 +58,9 @@ def test_what_is_found_is_applied_and_taken_back(graph: Any, tmp_path: Path) -> 
     graph.start("plant_simulator", *drive, model=tmp_path / "truth.yaml")
     joint = "state_source:=joint_state"
     graph.start("linearizer", joint, model=tmp_path / "nominal.yaml")
-    graph.start("monitor", joint, "learn:=10.0", "most_rows:=1000", f"folder:={tmp_path}", model=tmp_path / "nominal.yaml")
+    graph.start(
+        "monitor", joint, "learn:=10.0", "most_rows:=1000", f"folder:={tmp_path}", model=tmp_path / "nominal.yaml"
+    )
     errors, verdicts = graph.collect(Float64MultiArray, "/monitor/error"), graph.collect(String, "/monitor/verdict")
     graph.wait(lambda: errors, "the first error", PATIENCE)
     plotted = {name: graph.collect(Float64, f"/monitor/plot/{name}") for name in PLOTTED}

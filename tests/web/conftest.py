@@ -386,6 +386,7 @@ def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
         *("--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking"),
         *("--disable-component-update", "--disable-sync", f"--user-data-dir={tmp_path_factory.mktemp('profile')}"),
         *("--disable-dev-shm-usage", "--force-device-scale-factor=1", "--disable-extensions"),
+        "--force-prefers-reduced-motion",  # scrolling in steps is drawn 30 times
     ):
         options.add_argument(argument)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})

@@ -287,7 +287,7 @@ def _unpredictable(verdict: Verdict, percent: float) -> str:
 
 def remarks(evidence: Evidence, verdict: Verdict) -> list[str]:
     """Return sentences on doubts that the records leave of the effects that are named."""
-    found = [ONE_CYCLE] if verdict.names and evidence.dataset.one_cycle else []
+    found = [ONE_CYCLE] if verdict.names and evidence.dataset.repeats_one_cycle else []
     if evidence.contradicted:
         own = ", ".join(
             f"{n} {p.value:.3g} {p.unit}" for n, p in evidence.contradicted.parameters.items() if p.note != "held"
