@@ -15,9 +15,9 @@ class Criteria:
     # ------------------------------------------------------------ what is named
     min_t: float = 3.5
     """Least number of its own standard errors by which an effect lowers the validation error: of twenty useless ones
-    the best lowers it by 2 by chance."""
+    the best lowers it by 2 by chance. What the base then needs less of its tolerances counts with it (`refusal`)."""
     min_validation_t: float = 2.0
-    """Least number of standard errors on validation data alone, where training and validation data together decide."""
+    """The same where something else tells of the effect already: training data, or forces, or the refitted base."""
     min_share_per_parameter: float = 0.02
     """Least share of the mean square that a law takes away for each of its parameters, beside none or a simpler law."""
     min_coefficient_t: float = 4.0
@@ -66,7 +66,8 @@ class Criteria:
     min_flexible_share: float = 0.05
     """Least share of the base model's squared force residual that this curve takes away."""
     max_force_mse_left: float = 0.25
-    """Largest share of the squared force beyond the noise that a proposal may leave where the motion has structure."""
+    """Largest share of the squared force beyond the noise that a proposal may leave where the motion has structure;
+    a proposal takes away at least as much of what all channels lack together."""
     max_rmse_left: float = 0.25
     """Largest share (RMS) of the force, or of a channel's spread, that a proposal leaves untested or beside a loop."""
     min_missing_share: float = 0.05

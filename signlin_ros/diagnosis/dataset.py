@@ -52,10 +52,8 @@ class Dataset:
 
     @property
     def horizon(self) -> float:
-        """Seconds over which the motion is predicted: of a plant in a closed loop a whole record."""
-        if self.model.plant.closed_loop:
-            return max(float(s.t[-1] - s.t[0]) for s in self.training.segments)
-        return float(max(self.model.update_period, 2 * self.training.scale.step))
+        """Seconds over which the motion is predicted, see `Problem.horizon`."""
+        return self.training.horizon
 
     def knowing(self, own: Mapping[str, Mapping[str, float]]) -> Dataset:
         """Return the same with parameters held that each record has a value ``own`` of, by the record's source."""

@@ -97,7 +97,7 @@ class Evidence:
 
     @property
     def base(self) -> FittedModel:
-        """The best fit of the model as given."""
+        """The best fit of the model as given; of `grounded` evidence with parameters held at what the forces tell."""
         return self.output_error.base
 
     @property

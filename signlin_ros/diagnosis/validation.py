@@ -327,7 +327,7 @@ class ValidationTests:
 
     @property
     def leaves_most(self) -> bool:
-        """Whether a model leaves most of the effort beyond noise, or a proposal of the force of an imposed motion."""
+        """Whether a model leaves more than half of the effort (RMS) beyond noise, or a proposal of an imposed force."""
         effort = 0.0 if self.percent is None else self.percent**2 - self.evidence.force_noise_percent**2
         imposed = (self.imposed or 0.0) ** 2 if self.names else 0.0
         return max(effort, imposed) > 100.0**2 * self.criteria.max_force_mse_left

@@ -10,7 +10,9 @@
 | selection | `select_model` | `Selection`: the effects that both estimates support; its steps stand in its module |
 | noise of inputs | `with_inputs_as_recorded` | `Evidence` and `Selection`, if noise of inputs acts and hid a law |
 | verdict | `verdict_of` | `Verdict`: `reason_of` says which test on validation data fails, if one does |
-| pruning | `without_untold`, `without_idle` | the `Verdict` on less, where effects are not decided on or tell nothing |
+| rivals | `discriminated` | the `Selection` between rivals of a planned experiment, where some are given |
+| pruning | `without_untold`, `without_rounding`, `without_idle` | the `Verdict` on less: what is not decided on, is
+  an offset within a sensor's step, or tells nothing goes |
 | report | `summary_of` | `Diagnosis`: values, tables and sentences |
 
 Short names that recur in this package: ``motion`` is the `OutputErrorEstimator`, ``force`` the `EquationErrorResult`,

@@ -75,9 +75,12 @@ def reason_of(tests: ValidationTests, conflict: str = "") -> str:
     | once | an effect remembers the way, and an imposed motion turns back once in a record at most |
     | noise | the base errs by no more than the sensors' noise, and the effects take nothing visible away |
     | far | a base parameter ends far from nominal, and with it held at nominal the effects are not confirmed |
+    | structure | more than half of the force (RMS) is left |
     | loop | hysteresis is named, and more than a quarter of the force (RMS) is left |
     | elsewhere | validation data are followed far worse than those of the fit |
-    | structure | most of the force is left, or what is left goes with the motion |
+    | structure | what is left is no noise that was tested: `_reason_by_force`, `_reason_by_motion` |
+
+    A servo that is followed to its sensors' noise is explained, whatever the last two say.
     """
     if tests.reversed:
         return "reversed"

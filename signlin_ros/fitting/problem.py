@@ -123,6 +123,15 @@ class Problem:
         return replace(self, base=base, segments=tuple(replace(s, early=s.early + more) for s in self.segments))
 
     @property
+    def horizon(self) -> float:
+        """Seconds over which motion is predicted: the update period, two samples at least, a quarter of the longest
+        record at most; of a plant in a closed loop a whole record.
+        """
+        longest = max(float(s.t[-1] - s.t[0]) for s in self.segments)
+        period = max(self.base.update_period, 2 * self.scale.step)
+        return longest if self.plant.closed_loop else float(min(period, longest / 4))
+
+    @property
     def position_range(self) -> tuple[float, float]:
         """Smallest and largest position, about, where only a velocity is measured."""
         return self.ranges.get(self.plant.position, (0.0, self.scale.travel))

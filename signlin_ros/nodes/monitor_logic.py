@@ -257,7 +257,7 @@ class MonitorLogic:
 
     def _verdict(self, now: int) -> tuple[int, str]:
         if self.model is None:
-            return WARN, "waiting for linearizer/model_yaml"
+            return WARN, "waiting for the linearizer's model_yaml"
         if not self._shown or now - self._shown[-1][0] > 3 * self.model.update_period * NANO:
             return ERROR, "no states"
         if self.alarm is not None:

@@ -1,9 +1,9 @@
 """Records: time and named signals with units, from tables in files and rosbag2 recordings, and back.
 
-    record = read_record("run.csv")                          any columns
-    data = record.for_model(model)                           inputs (T, m), measurements, initial state, in
-    the model's terms data = read_for_model("bag/", model, {"voltage": "/cmd.data[0]"})
-    runs = read_runs("run.csv", model, {"t": "0.01"})        one for each run in the file
+    record = read_record("run.csv")      # any columns
+    data = record.for_model(model)       # in the model's terms: inputs (T, m), measurements, initial state
+    data = read_for_model("bag/", model, {"voltage": "/cmd.data[0]"})
+    runs = read_runs("run.csv", model, {"t": "0.01"})    # one for each run in the file
 
 Nothing is repaired silently: `Record.notes` and `ModelData.notes` say what was done, and what cannot be
 repaired is refused with the row named (`clean` has the table of faults).

@@ -186,7 +186,7 @@ def _fits(e: EffectEvidence) -> str:
 def _ladder(d: Diagnosis) -> list[Block]:
     caption = (
         "RMS error of every channel on data that the fit never saw, in brackets over the noise of its sensor. The"
-        " dashed line is that noise: no model can be better. Refitted: base parameters moved within their tolerances."
+        " dashed line is that noise: no model can be better. Refitted: base parameters fitted beside what is known."
     )
     named = [(drawn.words(rung.effects) or REFITTED_ROW, rung) for rung in d.ladder]
     table = rows_table([*([(AS_GIVEN, d.given)] if d.given else []), *named], lambda name: _unit(d, name))

@@ -62,7 +62,7 @@ def ladder(d: Diagnosis) -> Any:
             _rungs(ax, rungs, name, d.findings.shown(d.model.units[name]) if d.findings else d.model.units[name])
         rows = np.arange(len(labels) + 1)[::-1]
         grid[0].set_yticks(rows, [*labels, SENSOR_NOISE_ROW])
-        ahead = f"over windows of {d.model.update_period:g} s"
+        ahead = "over whole records" if d.model.plant.closed_loop else f"over windows of {d.horizon:.3g} s"
         figure.supxlabel(f"RMS error of the prediction, {ahead}, data that the fit never saw", fontsize=9)
     return figure
 

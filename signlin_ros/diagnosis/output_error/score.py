@@ -158,9 +158,7 @@ def _cuts(problem: Problem, parts: int) -> list[list[int]]:
     """
     if problem.base.plant.closed_loop:
         return [np.linspace(0, s.t.size - 1, parts + 1).round().astype(int).tolist() for s in problem.segments]
-    longest = max(float(s.t[-1] - s.t[0]) for s in problem.segments)
-    horizon = min(max(problem.base.update_period, 2 * problem.scale.step), longest / 4)
-    return [[0, *(last for _, last in windows(s.t, horizon))] for s in problem.segments]
+    return [[0, *(last for _, last in windows(s.t, problem.horizon))] for s in problem.segments]
 
 
 def _errors(
