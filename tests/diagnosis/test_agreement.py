@@ -138,6 +138,7 @@ class Motion:
                 update_period=0.2, plant=SimpleNamespace(motion_is_imposed=lambda: imposed, closed_loop=False)
             ),
             scale=SimpleNamespace(step=0.01),
+            horizon=0.2,
             segments=(SimpleNamespace(y=np.outer((-SPREAD, SPREAD), np.ones(len(channels)))),),
             noise=np.full(len(channels), NOISE),
             quanta=np.zeros(len(channels)),
@@ -569,7 +570,7 @@ def test_a_loop_that_leaves_more_than_a_quarter_of_the_effort_is_one_of_its_fami
 ):
     """Two cyclic tests were said to lack Dahl's law with 29 and 38 % of the effort left."""
     monkeypatch.setattr(tests_module, "changing", lambda r, left, own: changing)
-    monkeypatch.setattr(Dataset, "seldom", property(lambda self: False))
+    monkeypatch.setattr(Dataset, "turns_once", property(lambda self: False))
     base, left = Fit((), (3.0,), 0.9 * EFFORT), percent / 100.0 * EFFORT
     final = Fit(("dahl_presliding",), (0.5,), left)
     found = judged(final, base, equation_error_stub(*LAWS, effects=final.effects))
