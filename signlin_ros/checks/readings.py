@@ -101,6 +101,15 @@ def gears(look: Look, p: LinearPrediction | Together) -> Iterator[Reading]:
             yield gear(look, name, factor)
 
 
+def by_parameters(look: Look, p: LinearPrediction | Together) -> float:
+    """Return the least that is left where the first input is up to `GEAR` times as large, or as small: as if all
+    parameters of the model were wrong by that.
+    """
+    name = look.record.inputs[0]
+    factors = np.geomspace(1.0 / GEAR, GEAR, 21)
+    return float(np.min(p.lefts([{name: factor} for factor in factors.tolist()])))
+
+
 def gear(look: Look, name: str, factor: float) -> Reading:
     """Return a signal divided by a factor that is no unit's."""
     by = f"divided by {factor:.3g}" if abs(factor) > 1.0 else f"multiplied by {1.0 / factor:.3g}"
@@ -130,4 +139,4 @@ def _suits(p: LinearPrediction | Together, factors: Mapping[str, float]) -> bool
     return bool(left[0] <= 1.5 * left[1:].min())
 
 
-__all__ = ["MAX_FACTOR_RATIO", "Reading", "gear", "gears", "pairs", "signs", "units"]
+__all__ = ["MAX_FACTOR_RATIO", "Reading", "by_parameters", "gear", "gears", "pairs", "signs", "units"]

@@ -13,7 +13,7 @@ from signlin_ros.checks.effort_scale import effort_scale
 from signlin_ros.checks.finding import Finding
 from signlin_ros.checks.look import Look
 from signlin_ros.checks.observer import LinearPrediction, Together
-from signlin_ros.checks.readings import MAX_FACTOR_RATIO, Reading, gear, gears, pairs, signs, units
+from signlin_ros.checks.readings import MAX_FACTOR_RATIO, Reading, by_parameters, gear, gears, pairs, signs, units
 from signlin_ros.checks.travel import EQUAL, FACTOR_TOLERANCE
 from signlin_ros.checks.work import reversed_by_work
 from signlin_ros.errors import joined
@@ -96,6 +96,10 @@ class UnitOrSign(OfColumns):
         two = [reading for reading in pairs(look, p) if not _stated(look) & reading.divided.keys()]
         if not fits:  # two units that fit, and one factor that does as well: only a ratio is known
             fits = [*_fitting(looks, p, strict, two), *_fitting(looks, p, strict, gears(look, p))]
+            least = min((left for left, _ in fits), default=np.inf)
+            fits = (
+                fits if by_parameters(look, p) > MAX_EQUAL_RATIO * least else []
+            )  # as if the model's were off a little
         fits = _by_force(looks, p, fits)
         best = min((left for left, _ in fits), default=np.inf)
         if not fits or best >= MAX_ERROR_RATIO * _guesses_moved(looks, before):

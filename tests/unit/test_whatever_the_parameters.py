@@ -123,3 +123,16 @@ def test_where_a_smooth_motion_turns_it_does_not_jump_to_a_level() -> None:
     seen = {"displacement": x, "force": force}
     data = ModelData(t, v[:, None], seen, None, damper.inputs, damper.states, dict(damper.units), "run.csv")
     assert "two_sources" not in told(damper, data)[1]
+
+
+def test_parameters_that_are_off_are_no_two_units() -> None:
+    drive = Model.from_dict(
+        {"plant": "mass_spring_damper", "axis": "rotary", "parameters": {"m": 0.09, "c": 0.03, "k": 0.0}}
+    )
+    rng = np.random.default_rng(4)
+    t = np.arange(2000) * STEP
+    u = np.repeat(rng.uniform(-3.0, 3.0, 40), 50) + np.sin(9.0 * t)
+    v = simulate(drive.with_effect("coulomb_friction", mu=0.45), t, u[:, None]).x[:, 1]
+    seen = {"velocity": v + 0.05 * rng.normal(size=t.size)}
+    data = ModelData(t, u[:, None] / 0.35, seen, None, drive.inputs, drive.states, dict(drive.units), "run.csv")
+    assert not [finding for finding in told(drive, data)[1].get("unit_or_sign", []) if "," in finding.channel]
