@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from signlin_ros import units
 from signlin_ros.errors import RecordError
+from signlin_ros.records.converted import quoted
 from signlin_ros.records.header import Heading
 from signlin_ros.records.notes import Note
 
@@ -153,7 +154,7 @@ def asked(head: Heading, t: Array) -> list[Note]:
     said = (
         f"the time {label!r} states no unit and its steps would be {step:g} s: is it in {unit}? "
         f"Then say --signal 't = {label} [{unit}]' (or name the column '{label} [{unit}]'), else 't = {label} [s]'; "
-        "where it counts samples, --dt"
+        f"where it counts samples, --dt; where ticks of 0.1 ms, --signal 't = 1e-4 * {quoted(label)}'"
     )
     return [Note(said, "unit_of_time", "t")]
 
