@@ -133,7 +133,8 @@ def _cut(data: Sequence[ModelData], channels: tuple[str, ...]) -> tuple[list[Mod
         told = (
             f"{len(data[0])} samples" if len(data) == 1 else f"{count} samples in runs of at least {MIN_SHARED_SAMPLES}"
         )
-        raise RecordError(f"{data[0].source}: {told}; at least {LEAST_SAMPLES} are needed")
+        way = "sample faster, or give several records, which are fitted together"
+        raise RecordError(f"{data[0].source}: {told}; at least {LEAST_SAMPLES} are needed: {way}")
     lost = [f"{d.source}: {len(d)} samples are left out" for d in data if len(d) < MIN_SHARED_SAMPLES]
     found = [pieces(d, channels) for d in kept]
     return [part for parts, _ in found for part in parts], (*lost, *(note for _, notes in found for note in notes))
