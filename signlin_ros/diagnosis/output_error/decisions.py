@@ -10,7 +10,8 @@ from operator import attrgetter
 import numpy as np
 
 from signlin_ros.comparison.equations import force_equations
-from signlin_ros.diagnosis.criteria import Criteria
+from signlin_ros.diagnosis.criteria import HALF, Criteria
+from signlin_ros.diagnosis.output_error.cache import FitCache
 from signlin_ros.diagnosis.output_error.fitted import FittedModel
 from signlin_ros.diagnosis.output_error.score import (
     Improvement,
@@ -18,6 +19,7 @@ from signlin_ros.diagnosis.output_error.score import (
     generalizes_badly,
     improvement,
 )
+from signlin_ros.diagnosis.output_error.swinging import undriven_shares
 from signlin_ros.diagnosis.wording import phrases
 from signlin_ros.effects import EFFECTS, kin_of
 from signlin_ros.fitting.problem import Problem
@@ -32,6 +34,7 @@ class Decisions:
     training: Problem
     validation: Problem
     criteria: Criteria
+    cache: FitCache
 
     def best(self, f: FittedModel) -> FittedModel:
         """Return the best fit known of a model's set of effects; it may be better than the one given, and change."""
@@ -100,9 +103,10 @@ class Decisions:
         """Return which force the records cannot identify, in words; empty where none.
 
         A limit that was always passed; a delay below what the instant of a sample is known to; a wave too fast for the
-        samples; several waves of which the longest has not one period in the record, since their sum is any curve then;
-        and, unless the residual is tested noise, a zero beyond the travel of an unmeasured position, a wave of too few
-        periods, or one of whose phase nobody knows where each of several records begins.
+        samples; a load that the axis hardly moves; several waves of which the longest has not one period in the record,
+        since their sum is any curve then; and, unless the residual is tested noise, a zero beyond the travel of an
+        unmeasured position, a wave of too few periods, or one of whose phase nobody knows where each of several records
+        begins.
         """
         for key, use in f.added.items():
             if not EFFECTS[use.type].is_met(use.parameters, *self.training.position_range):
@@ -111,6 +115,8 @@ class Decisions:
             return late
         if quick := self._undersampled_wave(f):
             return quick
+        if shaken := self._undriven(f) or self._undriven_without_play(f):
+            return phrases.undriven(shaken)
         few = self.few_waves(f)
         any_curve = {k: n for k, n in few.items() if EFFECTS[f.added[k].type].several and n < self.criteria.min_turns}
         if f.residual_is_noise and f.within_noise(self.criteria.max_rmse_over_noise) and not any_curve:
@@ -128,6 +134,27 @@ class Decisions:
             return ""
         waves = (key for key, use in f.added.items() if EFFECTS[use.type].periodic or EFFECTS[use.type].several)
         return next((phrases.phase_unknown(key, place) for key in waves), "")
+
+    def _undriven(self, f: FittedModel) -> str:
+        """Return the load of which most of what it does is not what the motion makes of it; empty where none is."""
+        if not any(EFFECTS[n].resonant for n in f.effects):
+            return ""
+        if f not in self._shares:
+            self._shares[f] = undriven_shares(self.training, f.fit)
+        return next((key for key, share in self._shares[f].items() if share > HALF), "")
+
+    def _undriven_without_play(self, f: FittedModel) -> str:
+        """Return the load with play that does not surely err less than such a one without."""
+        for name in (n for n in f.effects if EFFECTS[n].floating):
+            for held in EFFECTS[name].contains:
+                simple = self.cache.best.get(tuple(sorted(held if k == name else k for k in f.kind)))
+                if simple and self._undriven(simple) and self.t_ratio(simple, f) < self.criteria.min_t:
+                    return name
+        return ""
+
+    @functools.cached_property
+    def _shares(self) -> dict[FittedModel, dict[str, float]]:
+        return {}
 
     def unresolved(self, f: FittedModel) -> str:
         """Return which effect is quicker than the samples can show, in words; empty where none is."""

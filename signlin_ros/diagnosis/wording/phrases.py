@@ -143,6 +143,11 @@ def rounded(channel: str, offset: float, step: float, unit: str) -> str:
     return f"the {channel} reads {offset:.3g} {unit} off, less than the {step:.3g} {unit} in which it is shown"
 
 
+def undriven(key: str) -> str:
+    """Return that what a load does is not what the motion of the axis makes of it."""
+    return f"the axis hardly moves the load of {key}: a vibration from outside looks the same"
+
+
 def few_waves(key: str, periods: float) -> str:
     """Return that the records hold too few periods of a wave."""
     return f"the records hold {periods:.1f} periods of {key}"
