@@ -49,7 +49,7 @@ def as_good(study: Study, found: SearchResult) -> str:
 
 def study_notes(study: Study) -> list[str]:
     """Return sentences on the records, on friction that differs between them, and on faults of the URDF."""
-    in_time = [*lag_notes(study), *warmth_notes(study), *drift_notes(study)]
+    in_time = [*lag_notes(study), *settling_notes(study), *warmth_notes(study), *drift_notes(study)]
     return [*study.notes, *in_time, *_loaded_notes(study), *_urdf_notes(study)]
 
 
@@ -58,6 +58,19 @@ def lag_notes(study: Study) -> list[str]:
     records = {run.source: run for runs in study.runs for run in runs}
     told = [(Path(source).name, said) for source, run in records.items() for said in late_motion(study.names, run)]
     return [f"{name}: {said}" for name, said in told]
+
+
+def settling_notes(study: Study) -> list[str]:
+    """Return a sentence on joints whose friction sets in over a distance after a reversal."""
+    if study.settling is None:
+        return []
+    own = [
+        f"{joint.name} over {length:.2g} {joint.position_unit}"
+        for joint, length in zip(study.robot.joints, study.settling, strict=True)
+        if length > 0.0
+    ]
+    said = "dry friction sets in after a reversal (presliding, or a gear that winds up)"
+    return [f"{said}: {', '.join(own)}; rows until it has are left out, as those at standstill are"]
 
 
 def _loaded_notes(study: Study) -> list[str]:

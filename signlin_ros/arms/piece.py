@@ -32,6 +32,8 @@ ROWS_PER_PERIOD = 2.5
 """Rows per period of the cut-off: more would repeat each other."""
 BODY_SAMPLES_PER_PERIOD = 12.0
 """Samples per period of the cut-off at which the rigid body is worked out; motion is slower by far."""
+UNSETTLED = 0.05
+"""Part of its friction that a motor lacks after a reversal, over two, below which it has set in."""
 BLOCK = 0.5
 """Seconds of a block of rows whose errors may be correlated, at least; two periods of the cut-off, too."""
 BAND_POWER_SHARE, BAND_RATIO, LOWEST, OF_RATE = 0.999, 4.0, 3.0, 12.0
@@ -93,10 +95,12 @@ class ArmSegment:
     """One run, filtered: q, v, a (T, n) of the joints at times ``step`` s apart, ``speed`` (T, K) where effects act.
 
     ``motors`` (K, n): first the n motors from the joints, then the joints that a coupling has parted from their motors.
+    ``settling`` (n,) lengths in rad (m) over which the motors' friction sets in after a reversal, 0 where at once.
     """
 
-    def __init__(self, robot: Robot, motors: Array, run: ArmRun, band: float) -> None:
+    def __init__(self, robot: Robot, motors: Array, run: ArmRun, band: float, settling: Array | None = None) -> None:
         self.robot, self.run = robot, run
+        self.settling = np.zeros(robot.n) if settling is None else settling
         rate = 1.0 / run.step
         self.band = band
         wide = min(2.0 * band, 0.4 * rate)
@@ -140,10 +144,34 @@ class ArmSegment:
         self.signs = [SoftSigns(self.speed[:, i], self.noise[i]) for i in range(len(motors))]
 
     def _moving(self, band: float) -> NDArray[np.bool_]:
-        """Return which rows of which joint count (rows, n): no motor that acts on it stands still."""
-        slow = np.maximum(STANDSTILL_OVER_NOISE * self.noise, CRAWL * np.abs(self.speed).max(axis=0))
-        stuck = low_pass((np.abs(self.speed) < slow).astype(float), band, self.step)[self.index] > STUCK
+        """Return which rows of which joint count (rows, n): no motor that acts on it stands still, or has turned back
+        so little ago that its friction has not set in.
+        """
+        slow = self._slow()
+        unknown = np.abs(self.speed) < slow
+        for i in np.flatnonzero(self.settling).tolist():
+            unknown[:, i] |= np.exp(-self.travelled(i) / self.settling[i]) > UNSETTLED
+        stuck = low_pass(unknown.astype(float), band, self.step)[self.index] > STUCK
         return np.asarray(~((stuck.astype(float) @ (self.motors != 0.0)) > 0.0))
+
+    def _slow(self) -> Array:
+        """Return the speeds (K,) below which a motor stands still."""
+        found: Array = np.maximum(STANDSTILL_OVER_NOISE * self.noise, CRAWL * np.abs(self.speed).max(axis=0))
+        return found
+
+    def travelled(self, i: int) -> Array:
+        """Return how far the motor i has gone since it turned back last (T,), in rad (m); first since the start."""
+        angle, v = self.angle[:, i], self.speed[:, i]
+        moves = np.flatnonzero(np.abs(v) >= self._slow()[i])
+        if not moves.size:
+            return np.zeros(angle.size)
+        way = np.sign(v[moves])
+        turned = np.flatnonzero(np.diff(way)) + 1
+        starts, ways = np.concatenate([[0], moves[turned]]), np.concatenate([way[:1], way[turned]])
+        stretch = np.repeat(np.arange(starts.size), np.diff([*starts, angle.size]))
+        farthest = ways * np.maximum.reduceat(ways[stretch] * angle, starts)
+        since = np.concatenate([angle[:1], farthest[:-1]])
+        return np.asarray(np.abs(angle - since[stretch]))
 
     def filtered(self, values: Array) -> Array:
         """Return values (T, ...) through the low-pass, at the rows."""

@@ -242,7 +242,7 @@ class State:
 
 
 @dataclass(frozen=True, eq=False)
-class _Promise:
+class Promise:
     """A law with what it promises: the fall of the squares, and its columns."""
 
     fall: float
@@ -305,7 +305,7 @@ def _best(state: State, estimate: CoefficientEstimate) -> tuple[SearchResult, Jo
     """Return the law that unseen rows gain most from, of those that stand."""
     fixed = fit(estimate.design, state.rows, state.new, estimate.weights)
     promises, tried = _promises(state, fixed)
-    standing = [(p, found) for p in promises if (found := _stands(state, fixed, p, tried)) is not None]
+    standing = [(p, found) for p in promises if (found := stands(state, fixed, p, tried)) is not None]
     if not standing:
         return None
     standing.sort(key=lambda pair: -pair[1][0].worth)
@@ -318,7 +318,7 @@ def _best(state: State, estimate: CoefficientEstimate) -> tuple[SearchResult, Jo
     return replace(first, rivals=rivals), law
 
 
-def _beaten(state: State, estimate: CoefficientEstimate, first: _Promise, other: _Promise) -> bool:
+def _beaten(state: State, estimate: CoefficientEstimate, first: Promise, other: Promise) -> bool:
     """Tell whether all rows know a law no more beside another one, which they know beside it.
 
     [Davidson and MacKinnon, Econometrica 49(3), 1981]
@@ -331,13 +331,13 @@ def _beaten(state: State, estimate: CoefficientEstimate, first: _Promise, other:
     return ratio_on_all(beside, own) < MIN_COEFFICIENT_ERRORS <= ratio_on_all(beside, its)
 
 
-def _promises(state: State, estimate: CoefficientEstimate) -> tuple[list[_Promise], int]:
+def _promises(state: State, estimate: CoefficientEstimate) -> tuple[list[Promise], int]:
     """Return the laws that promise most, the best shape of each, and how many were tried."""
     w = estimate.weights[state.rows.joint]
     X, r, inner = estimate.design.known * w[:, None], estimate.residual * w, estimate.inverse()
     errors = estimate.errors()
     loads, tried = state.loads(estimate), 0
-    best: dict[tuple[str, int], _Promise] = {}
+    best: dict[tuple[str, int], Promise] = {}
     for key, law in state.candidates(estimate):
         known, unseen = state.columns(key, law, loads)
         tried += 1
@@ -356,7 +356,7 @@ def _promises(state: State, estimate: CoefficientEstimate) -> tuple[list[_Promis
         if not possible(estimate.design, estimate.theta - inner @ (P @ coefficients), errors, key):
             continue
         if (key.law, key.at) not in best or fall > best[key.law, key.at].fall:
-            best[key.law, key.at] = _Promise(fall, key, law, known, unseen)
+            best[key.law, key.at] = Promise(fall, key, law, known, unseen)
     return sorted(best.values(), key=lambda p: -p.fall)[:MAX_LAWS_FITTED], tried
 
 
@@ -367,8 +367,8 @@ def _varying(C: Array, rows: RegressionRows) -> Array:
     return np.asarray(np.sum(C**2, axis=0) - np.sum(counts * means**2, axis=0))
 
 
-def _stands(
-    state: State, estimate: CoefficientEstimate, promise: _Promise, tried: int
+def stands(
+    state: State, estimate: CoefficientEstimate, promise: Promise, tried: int
 ) -> tuple[SearchResult, JointLaw | None] | None:
     """Return a law if it is sure, and worth it on unseen rows; None else."""
     names, count = names_of(promise.key), promise.known.shape[1]
@@ -427,7 +427,7 @@ def needed_errors(tried: int) -> float:
     return max(MIN_COEFFICIENT_ERRORS, float(norm.isf(DOUBT / max(tried, 1) / 2)))
 
 
-def _held(estimate: CoefficientEstimate, trial: CoefficientEstimate, promise: _Promise, needed: float) -> bool:
+def _held(estimate: CoefficientEstimate, trial: CoefficientEstimate, promise: Promise, needed: float) -> bool:
     """Tell whether unseen rows say the same of a law: by themselves; of friction, in what the fit foretells; or, of
     what bodies imitate in one motion, together with the rows of the fit, which they agree with.
     """
@@ -460,4 +460,16 @@ def _relieved(estimate: CoefficientEstimate, trial: CoefficientEstimate, count: 
     return drop(estimate, trial) > float(chi2.isf(DOUBT, count)) and trial.tension < estimate.tension
 
 
-__all__ = ["BASIC", "Key", "SearchResult", "State", "drop", "names_of", "needed_errors", "search", "settled"]
+__all__ = [
+    "BASIC",
+    "Key",
+    "Promise",
+    "SearchResult",
+    "State",
+    "drop",
+    "names_of",
+    "needed_errors",
+    "search",
+    "settled",
+    "stands",
+]

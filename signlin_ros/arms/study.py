@@ -42,7 +42,7 @@ class Study:
 
     ``barred``: joints of which nothing is told, and why; ``link_side``: joints whose effort has little friction in it;
     ``warmth``, ``loaded``: by how much friction and payloads differ between records, where there are several;
-    ``drift``: by how much friction changes within them.
+    ``drift``: by how much friction changes within them; ``settling`` (n,): over what lengths it sets in.
     """
 
     model: ArmModel
@@ -55,6 +55,7 @@ class Study:
     warmth: Warmth | None = None
     drift: Drift | None = None
     loaded: Loaded | None = None
+    settling: Array | None = None
     notes: list[str] = field(default_factory=list)
 
     @property
@@ -80,8 +81,14 @@ class Study:
 
     def with_motors(self, motors: Array) -> Study:
         """Return the study with another coupling."""
-        rows, new = (_rows(self.robot, motors, runs, self.band) for runs in self.runs)
+        rows, new = (_rows(self.robot, motors, runs, self.band, self.settling) for runs in self.runs)
         return replace(self, rows=rows, new=new)
+
+    def with_settling(self, lengths: Array) -> Study:
+        """Return the study of rows in which friction has set in, over some lengths (n,) after a reversal."""
+        found = replace(self, settling=lengths, barred={}, link_side={}).with_motors(self.model.arm_plant.motors)
+        _look(found)
+        return found
 
     def state(self) -> State:
         """Return where a search starts: what the file has in each joint, and the friction that everybody puts in."""
@@ -156,8 +163,10 @@ def study(model: ArmModel, known: Sequence[ArmRun], unseen: Sequence[ArmRun], ba
     return found
 
 
-def _rows(robot: Robot, motors: Array, runs: Sequence[ArmRun], band: float) -> RegressionRows:
-    return RegressionRows([ArmSegment(robot, places(motors), run, band) for run in runs])
+def _rows(
+    robot: Robot, motors: Array, runs: Sequence[ArmRun], band: float, settling: Array | None = None
+) -> RegressionRows:
+    return RegressionRows([ArmSegment(robot, places(motors), run, band, settling) for run in runs])
 
 
 def check_static(model: ArmModel) -> None:

@@ -35,6 +35,7 @@ from signlin_ros.arms.relief import Relief, relief
 from signlin_ros.arms.reversals import band_of_reversals, of_reversals
 from signlin_ros.arms.rivals import rivals_left
 from signlin_ros.arms.search import MIN_COEFFICIENT_ERRORS, MIN_VALIDATION_SHARE, State, search, settled
+from signlin_ros.arms.settling import settling
 from signlin_ros.arms.shape import shaped
 from signlin_ros.arms.study import LINK_SIDE, Study, study
 from signlin_ros.arms.warmth import Warmth, sources_of, warmth
@@ -47,6 +48,8 @@ from signlin_ros.threads import one_thread
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
+SETTLING_ROUNDS = 3
+"""Times that joints are looked at for friction that sets in over a distance."""
 ROTOR, FRICTIONLESS = 2.0, 0.1
 """Standard errors above nothing that a motor's inertia needs to be seen in an effort; part of all efforts that friction
 of motors with gears is at least."""
@@ -156,6 +159,9 @@ def _compared(found: Study) -> ArmComparison:
     basic, rigid = settled(state), found.rigid().rms
     if _behind_gears(found, basic, rigid):
         basic = settled(found.state())
+    elif not found.link_side:
+        found, basic = _in_which_friction_is_known(found, basic)
+        state, rigid = found.state(), found.rigid().rms
     as_given = found.as_given(found.new)
     own = found.new.by_joint(found.left(found.model, found.new))
     table = JointTable(as_given, rigid, basic.rms, own)
@@ -168,6 +174,21 @@ def _compared(found: Study) -> ArmComparison:
     beside = settled(state) if state.own else basic
     bodies = body_distance(settled(replace(state, terms=laws)) if laws else beside)
     return ArmComparison(found, table, basic, all_data, bodies, beside.matched_rms if state.own else None)
+
+
+def _in_which_friction_is_known(found: Study, basic: CoefficientEstimate) -> tuple[Study, CoefficientEstimate]:
+    """Return a study of rows in which friction has set in after a reversal, as far as that takes a distance.
+
+    Rows of one joint in which it has not hide those of another.
+    """
+    lengths = np.zeros(found.robot.n)
+    for _ in range(SETTLING_ROUNDS):
+        longer = np.maximum(lengths, settling(found.state(), basic))
+        if (longer == lengths).all():
+            break
+        lengths, found = longer, found.with_settling(longer)
+        basic = settled(found.state())
+    return found, basic
 
 
 def _loaded(whole: Study, all_data: CoefficientEstimate) -> Loaded | None:

@@ -13,7 +13,7 @@ from signlin_ros.arms.fit import FitDesign, fit
 from signlin_ros.arms.keys import DELAY, GAIN, Key, SearchResult
 from signlin_ros.arms.piece import RegressionRows
 from signlin_ros.arms.rivals import rivals_left
-from signlin_ros.arms.search import _beside, _Promise, _stands
+from signlin_ros.arms.search import Promise, _beside, stands
 from signlin_ros.cli import main
 from signlin_ros.model import Model
 from tests.arm_records import record, small, written
@@ -102,8 +102,8 @@ def test_a_gain_stands_whose_neighbour_shows_it():
     known, unseen = TwoJoints(1), TwoJoints(2)
     design = FitDesign(("m",), known.a[:, None], unseen.a[:, None], np.zeros(1), np.array([np.inf]))
     estimate = fit(design, known, unseen, 1.0 / TwoJoints.noise)
-    promise = _Promise(1.0, Key(GAIN, 1), None, known.shown(1), unseen.shown(1))
-    found, _ = _stands(SimpleNamespace(rows=known, new=unseen), estimate, promise, 10)
+    promise = Promise(1.0, Key(GAIN, 1), None, known.shown(1), unseen.shown(1))
+    found, _ = stands(SimpleNamespace(rows=known, new=unseen), estimate, promise, 10)
     assert found.values[0] == pytest.approx(-0.2, abs=0.02)
     assert found.after[0] < 0.5 * found.before[0]  # the mass that fits the wrong effort is wrong for the other joint
     assert found.after[1] > 0.9 * found.before[1]
