@@ -8,11 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.arms.numbered import said as said_of_numbers
 from signlin_ros.arms.rates import lags_of
 from signlin_ros.errors import RecordError
 from signlin_ros.model.arm import ArmModel
 from signlin_ros.plants.arm import GAIN_PARAMETER
-from signlin_ros.records import ModelData, read_runs
+from signlin_ros.records import ModelData, read_record, read_runs
+from signlin_ros.records.header import heading
 
 Array = NDArray[np.float64]
 MIN_GAP_RATIO = 5.0
@@ -25,6 +27,8 @@ SAME_LEVEL_SHARE, PER_LEVEL = 1e-3, 20
 """Part of their range within which two efforts are one level; samples per level from which on levels are few."""
 MEASURED_AS = ("effort", "torque", "current", "force", "load", "tau")
 """What is in the names of columns that may be efforts."""
+NO_COLUMN = "no column for input"
+"""What is said of a record without a column for an effort."""
 HELD_OUT = 2 / 3
 """Share of every record that is fitted to, where no other is given to validate with."""
 
@@ -68,7 +72,8 @@ def read_data(model: ArmModel, paths: Sequence[str], signals: Mapping[str, str])
     try:
         records = [record for path in paths for record in read_runs(path, model, signals)]
     except RecordError as error:
-        raise RecordError(f"{error}{_way_out(model, str(error))}") from error
+        numbers = _numbered(model, paths) if NO_COLUMN in str(error) else ""
+        raise RecordError(f"{error}{_way_out(model, str(error))}{numbers}") from error
     for record in records:
         lost = [f"{name}.position" for name in model.robot.names if f"{name}.position" not in record.measured]
         if lost:
@@ -77,6 +82,12 @@ def read_data(model: ArmModel, paths: Sequence[str], signals: Mapping[str, str])
                 f"{lost[0]}, or a JointState, or --signal {lost[0]}=COLUMN; or leave the joint out of joints"
             )
     return records
+
+
+def _numbered(model: ArmModel, paths: Sequence[str]) -> str:
+    """Return the signals of a record whose columns number the joints; nothing of others."""
+    labels = read_record(paths[0]).labels.values()
+    return said_of_numbers([heading(label).name for label in labels], model.robot)
 
 
 def _way_out(model: ArmModel, said: str) -> str:
@@ -89,7 +100,7 @@ def _way_out(model: ArmModel, said: str) -> str:
             return f"; or in the model file {name}: {{effort: {{gain: ...}}}}, what one of its units is in N·m (N)"
         if f"the input '{name}.effort' is missing before its first value" in said:
             return "; efforts that were never measured tell nothing of what acts: leave the joint out of joints"
-        if f"no column for input '{name}.effort'" in said:
+        if f"{NO_COLUMN} '{name}.effort'" in said:
             if not any(word in said.partition("it has")[2].partition("; ")[0].lower() for word in MEASURED_AS):
                 return "; without efforts (torques, currents) nothing is told of an arm: positions do not say them"
             return f"; or leave {name} out of joints: it is locked then"

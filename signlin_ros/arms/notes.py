@@ -317,6 +317,11 @@ def weighed_beside(diagnosis: ArmDiagnosis) -> list[str]:
         return []
     study = diagnosis.comparison.study
     said = f"payload: weighed beside links whose masses are known to {study.model.arm.tolerance:.0%}"
+    bodies = diagnosis.comparison.bodies
+    if bodies.beyond:  # [Birge, Physical Review 40(2), 1932]
+        scale = float(np.sqrt(bodies.statistic / bodies.combinations))
+        error = f"{scale * diagnosis.payload['m'][1]:.2g} kg"
+        said = f"{said}, from which they are farther: as far as they are, its mass is known to {error}"
     better = f"payload: {{on: {study.payload_link}, m: 0, tolerance: {{m: 5}}}}"
     return [f"{said}; a model that was refined without a load weighs it alone, with {better}"]
 

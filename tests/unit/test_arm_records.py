@@ -4,8 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import yaml
 
 from signlin_ros.arms.data import read_data, runs_of
+from signlin_ros.arms.numbered import signals_by_number
 from signlin_ros.errors import RecordError
 from signlin_ros.model import Model
 from signlin_ros.records.formats.echo import joint_states
@@ -63,6 +65,49 @@ def test_columns_by_number_stay_as_they_are():
     assert joint_states(text, ("c10",)) is None
     assert joint_states("1,2,base,wheel,0.1,0.2,0.3\n" * 3) is None
     assert joint_states("1,2,3,4,5,6,7,8,9,10,11\n" * 3) is None
+
+
+def numbered(stems, ks):
+    return [stem.format(k) for stem in stems for k in ks]
+
+
+RTDE = ["timestamp", *numbered(("target_q_{}", "actual_q_{}", "actual_qd_{}", "actual_current_{}"), range(3))]
+TORQUES = ["time", *numbered(("q{}_meas", "tau_J{} [Nm]"), (1, 2, 3))]
+DRIVES = ["t", *numbered(("joint_{}_pos", "joint_{}_vel", "joint_{}_cur", "joint_{}_temp"), (1, 2, 3))]
+
+
+@pytest.mark.parametrize(
+    ("head", "position", "effort"),
+    [
+        (RTDE, "actual_q_1", "actual_current_1"),
+        (TORQUES, "q2_meas", "tau_J2"),
+        (DRIVES, "joint_2_pos", "joint_2_cur"),
+    ],
+)
+def test_columns_that_number_the_joints_are_proposed_as_signals(head, position, effort, tmp_path):
+    """UR's RTDE, a torque log, a drive's log: what the error says may be pasted, and is read then."""
+    path = tmp_path / "run.csv"
+    rows = np.column_stack([T, *(np.sin(T + k) for k in range(len(head) - 1))])
+    np.savetxt(path, rows, delimiter=",", header=",".join(head), comments="")
+    with pytest.raises(RecordError, match="number the joints") as error:
+        read_data(MODEL, [str(path)], {})
+    block = yaml.safe_load(str(error.value).partition("may say\n")[2])["signals"]
+    second = MODEL.robot.names[1]
+    assert (block[f"{second}.position"], block[f"{second}.effort"]) == (position, effort)
+    (record,) = read_data(MODEL, [str(path)], block)
+    column = [name.partition(" ")[0] for name in head].index(position)
+    np.testing.assert_allclose(record.measured[f"{second}.position"], rows[:, column], atol=1e-9)
+
+
+def test_columns_whose_meaning_is_open_are_not_proposed():
+    assert (
+        signals_by_number(
+            ["q_0", "q_1", "q_2", "angle_0", "angle_1", "angle_2", "tau_0", "tau_1", "tau_2"], MODEL.robot
+        )
+        == {}
+    )
+    assert signals_by_number(["q_0", "q_1", "tau_0", "tau_1"], MODEL.robot) == {}  # of another robot
+    assert signals_by_number(["q_2", "q_3", "q_4", "tau_2", "tau_3", "tau_4"], MODEL.robot) == {}
 
 
 def test_a_bag_of_joint_states_is_read_by_names(tmp_path):
