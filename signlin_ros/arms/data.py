@@ -73,7 +73,7 @@ def read_data(model: ArmModel, paths: Sequence[str], signals: Mapping[str, str])
         records = [record for path in paths for record in read_runs(path, model, signals)]
     except RecordError as error:
         numbers = _numbered(model, paths) if NO_COLUMN in str(error) else ""
-        raise RecordError(f"{error}{_way_out(model, str(error))}{numbers}") from error
+        raise RecordError(f"{error}{numbers or _way_out(model, str(error))}") from error
     for record in records:
         lost = [f"{name}.position" for name in model.robot.names if f"{name}.position" not in record.measured]
         if lost:

@@ -60,9 +60,8 @@ def said(columns: Sequence[str], robot: Robot) -> str:
     signals = signals_by_number(columns, robot)
     if not signals:
         return ""
-    lines = "".join(f"\n      {name}: {column}" for name, column in signals.items())
-    told = "its columns number the joints; if they do from the base on, the model file may say"
-    return f"; {told}\n    signals:{lines}"
+    block = ", ".join(f"{name}: {column}" for name, column in signals.items())
+    return f"; its columns number the joints; if they do from the base on, the model file may say signals: {{{block}}}"
 
 
 __all__ = ["said", "signals_by_number"]

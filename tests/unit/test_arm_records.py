@@ -73,7 +73,7 @@ def numbered(stems, ks):
 
 RTDE = ["timestamp", *numbered(("target_q_{}", "actual_q_{}", "actual_qd_{}", "actual_current_{}"), range(3))]
 TORQUES = ["time", *numbered(("q{}_meas", "tau_J{} [Nm]"), (1, 2, 3))]
-DRIVES = ["t", *numbered(("joint_{}_pos", "joint_{}_vel", "joint_{}_cur", "joint_{}_temp"), (1, 2, 3))]
+DRIVES = ["time_ms", *numbered(("joint_{}_pos_deg", "joint_{}_vel_deg_s", "joint_{}_cur", "joint_{}_temp"), (1, 2, 3))]
 
 
 @pytest.mark.parametrize(
@@ -81,7 +81,7 @@ DRIVES = ["t", *numbered(("joint_{}_pos", "joint_{}_vel", "joint_{}_cur", "joint
     [
         (RTDE, "actual_q_1", "actual_current_1"),
         (TORQUES, "q2_meas", "tau_J2"),
-        (DRIVES, "joint_2_pos", "joint_2_cur"),
+        (DRIVES, "joint_2_pos_deg", "joint_2_cur"),
     ],
 )
 def test_columns_that_number_the_joints_are_proposed_as_signals(head, position, effort, tmp_path):
@@ -91,12 +91,14 @@ def test_columns_that_number_the_joints_are_proposed_as_signals(head, position, 
     np.savetxt(path, rows, delimiter=",", header=",".join(head), comments="")
     with pytest.raises(RecordError, match="number the joints") as error:
         read_data(MODEL, [str(path)], {})
-    block = yaml.safe_load(str(error.value).partition("may say\n")[2])["signals"]
+    block = yaml.safe_load(str(error.value).partition("may say ")[2])["signals"]
     second = MODEL.robot.names[1]
-    assert (block[f"{second}.position"], block[f"{second}.effort"]) == (position, effort)
+    assert block[f"{second}.position"] == position.removesuffix("_deg")
+    assert block[f"{second}.effort"] == effort
     (record,) = read_data(MODEL, [str(path)], block)
     column = [name.partition(" ")[0] for name in head].index(position)
-    np.testing.assert_allclose(record.measured[f"{second}.position"], rows[:, column], atol=1e-9)
+    size = np.radians(1.0) if position.endswith("deg") else 1.0
+    np.testing.assert_allclose(record.measured[f"{second}.position"], size * rows[:, column], atol=1e-9)
 
 
 def test_columns_whose_meaning_is_open_are_not_proposed():
