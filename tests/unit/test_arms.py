@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from signlin_ros.arms.data import ArmRun, effort_step
+from signlin_ros.arms.distance import BodyDistance
 from signlin_ros.arms.laws import EXTRA, Loads, column, force
 from signlin_ros.arms.notes import bent, unwritten, weighed_beside
 from signlin_ros.arms.piece import ArmSegment, RegressionRows
@@ -185,6 +186,12 @@ def test_a_payload_is_named_and_weighed(nothing_hidden):
     assert [f.key.law for f in found.found] == ["payload"]
     assert found.payload["m"][0] == pytest.approx(1.2, rel=0.1)
     assert any("refined without a load weighs it alone" in note for note in weighed_beside(found))
+    # its error is that of links within their tolerance, and larger by as much as they are farther off
+    assert not found.comparison.bodies.beyond
+    assert not any("its mass is known to" in note for note in weighed_beside(found))
+    far = replace(found.comparison, bodies=BodyDistance(25.0 * 9.0, 25, "elbow.m", 5.0))
+    (said,) = weighed_beside(replace(found, comparison=far))
+    assert f"its mass is known to {3.0 * found.payload['m'][1]:.2g} kg" in said
     # links and payload are written apart, and weigh together what was fitted
     assert (found.comparison.table.model <= 1.02 * found.estimate.rms).all()
     assert min(least_eigenvalue(joint.pi) for joint in found.proposal.model.unloaded.joints) > 0.0
