@@ -1,9 +1,9 @@
 """What every test shares: markers by folder, the order of a parallel run, processor time.
 
 A parallel run (``make test``) hands out whole files, so that what a module keeps is made once; the diagnoses, which
-take long, one by one; those of the page to one worker, which starts one browser and one process to copy servers from;
-and all tests that start ROS processes to one worker, first of all and before the others, which yield to it. Each of
-them has a ROS domain of its own.
+take long, one by one; and all tests that start ROS processes to one worker, first of all and before the others, which
+yield to it. Each of them has a ROS domain of its own. Then come those of the page, to one worker, which starts one
+browser and one process to copy servers from: like those with ROS they mostly wait.
 """
 
 from __future__ import annotations
@@ -29,6 +29,8 @@ would keep a single processor busy at the end. Names that are not there any more
 """
 GARBAGE = 20_000
 """Objects that are made, and kept, before garbage is looked for; after 700, Python's own number, it always is."""
+PAGE = "web"
+"""Group of the tests of the page."""
 SPENT = "processor time"
 BEGUN = pytest.StashKey[float]()
 """Processor time of this process and those that it has waited for, before a test."""
@@ -62,9 +64,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if _in_a_worker(config):
         for item in items:
             _give_group(item)
-        items.sort(
-            key=_turn
-        )  # ROS, then files, then what is handed out one by one, the longest first, and fills the gaps
+        # ROS, the page, then files, then what is handed out one by one, the longest first, and fills the gaps
+        items.sort(key=_turn)
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -88,7 +89,7 @@ def _give_group(item: pytest.Item) -> None:
     if item.get_closest_marker("ros"):
         item.add_marker(pytest.mark.xdist_group("ros"))
     elif _folder(item.path) == "web":
-        item.add_marker(pytest.mark.xdist_group("web"))
+        item.add_marker(pytest.mark.xdist_group(PAGE))
     elif _folder(item.path) != "diagnosis":
         item.add_marker(pytest.mark.xdist_group(item.path.relative_to(HERE.parent).as_posix()))
 
@@ -96,7 +97,10 @@ def _give_group(item: pytest.Item) -> None:
 def _turn(item: pytest.Item) -> tuple[int, int]:
     if item.get_closest_marker("ros"):
         return 0, 0
-    return (1, 0) if item.get_closest_marker("xdist_group") else (2, LONGEST.get(item.nodeid, len(LONGEST)))
+    group = item.get_closest_marker("xdist_group")
+    if group is None:
+        return 3, LONGEST.get(item.nodeid, len(LONGEST))
+    return (1, 0) if group.args[0] == PAGE else (2, 0)
 
 
 # -------------------------------------------------------------------- processor time
