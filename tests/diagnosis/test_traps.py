@@ -322,7 +322,7 @@ def test_a_spring_with_stops_is_no_loop(seeds):
     assert found.verdict == "missing"
     assert proposed(found) == {"linear_stiffness", "hard_stop"}
     assert found.parameters["hard_stop.gap"].value == pytest.approx(1.1, rel=0.02)
-    assert any("the noise of the voltage is taken to act" in note for note in found.notes)
+    assert any("the voltage is taken to act as recorded" in note for note in found.notes)
 
 
 def test_a_stop_that_a_record_never_leaves_is_a_spring_and_a_load():

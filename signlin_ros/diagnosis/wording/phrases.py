@@ -266,9 +266,9 @@ def input_acts(hold: str | float, figures: str, effects: Sequence[str]) -> str:
 
 
 def inputs_as_recorded(inputs: Sequence[str]) -> str:
-    """Return that noise of inputs is taken to act, and why rows differ from those of another verb."""
-    acts = f"the noise of the {joined(list(inputs))} is taken to act on the machine, as that of a controller does"
-    return f"{acts}: `signlin compare`, whose observer allows for it, has other numbers in its first rows"
+    """Return that inputs are taken without an error of their own, and why rows differ from those of another verb."""
+    acts = f"the {joined(list(inputs))} is taken to act as recorded, the noise or the steps in it too"
+    return f"{acts}: `signlin compare`, whose observer allows for an error of it, has other numbers in its first rows"
 
 
 def error_changes(channel: str, horizon: float, before: float, after: float, unit: str) -> str:
