@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.checks.look import MIN_SAMPLES, Look
+from signlin_ros.checks.mixed_clocks import AHEAD
 
 Array = NDArray[np.float64]
 
@@ -17,6 +18,8 @@ MAX_NET_TRAVEL = 0.2
 """How far a drive ends from where it began, as a part of its whole way: a weight that it lowers does work on it."""
 MIN_BACK = 0.3
 """Net work that comes back, as a part of all that goes either way."""
+LATE_PART = 0.5
+"""Part of the work that comes back which an effort does that acts earlier, where it is late."""
 MAX_SHIFT = 3
 """Samples by which an input may come early or late: of a spring or a mass alone the sign of the work is that of it."""
 
@@ -36,10 +39,11 @@ def reversed_by_work(looks: Sequence[Look]) -> str | None:
     of_motion = _net(list(zip(inputs, moves, strict=True)))
     first = looks[0].record.inputs[0]
     if len(between) < len(parts):
-        return first if of_motion[1] < -MIN_BACK else None
-    if _net(between)[1] >= -MIN_BACK:
-        return None
-    return _current(looks[0]) if of_motion[0] > MIN_BACK else first if of_motion[1] < -MIN_BACK else None
+        pairs, found = list(zip(inputs, moves, strict=True)), first if of_motion[1] < -MIN_BACK else None
+    else:
+        pairs = between if _net(between)[1] < -MIN_BACK else []
+        found = _current(looks[0]) if of_motion[0] > MIN_BACK else first if of_motion[1] < -MIN_BACK else None
+    return found if pairs and not _late(pairs) else None
 
 
 def _current(look: Look) -> str | None:
@@ -70,12 +74,22 @@ def _net(pairs: Sequence[tuple[Array, Array]]) -> tuple[float, float]:
     """Return the least and the most net work of efforts and flows, each (T,), as a part of all that goes either way,
     whichever of both is a little late.
     """
-    shares = []
-    for shift in range(-MAX_SHIFT, MAX_SHIFT + 1):
-        powers = [np.roll(a, shift)[MAX_SHIFT:-MAX_SHIFT] * b[MAX_SHIFT:-MAX_SHIFT] for a, b in pairs]
-        whole = sum(float(np.abs(p).sum()) for p in powers)
-        shares.append(sum(float(p.sum()) for p in powers) / whole if whole else 0.0)
+    shares = [_share(pairs, shift) for shift in range(-MAX_SHIFT, MAX_SHIFT + 1)]
     return min(shares), max(shares)
+
+
+def _late(pairs: Sequence[tuple[Array, Array]]) -> bool:
+    """Tell whether efforts and flows, each (T,), do work where the effort acts earlier: it is late, not reversed."""
+    least = min(a.size for a, _ in pairs)
+    back = _share(pairs, 0)
+    return any(_share(pairs, -k) > -LATE_PART * back for k in AHEAD if 2 * k < least)
+
+
+def _share(pairs: Sequence[tuple[Array, Array]], shift: int) -> float:
+    """Return the net work of efforts and flows, each (T,), as a part of all, the effort so many samples later."""
+    powers = [a[: a.size - shift] * b[shift:] if shift >= 0 else a[-shift:] * b[:shift] for a, b in pairs]
+    whole = sum(float(np.abs(p).sum()) for p in powers)
+    return sum(float(p.sum()) for p in powers) / whole if whole else 0.0
 
 
 __all__ = ["reversed_by_work"]

@@ -59,6 +59,14 @@ def test_right_signs_are_not_doubted_however_far_the_parameters_are(channels: tu
     assert not any("reverse" in cure for cure in cures)
 
 
+@pytest.mark.parametrize("late", [12, 20])
+def test_an_input_that_is_late_is_not_reversed(late: int) -> None:
+    data = driven(("speed",))
+    u = np.concatenate([np.full(late, data.u[0, 0]), data.u[:-late, 0]])
+    cures = [f.cure for f in told(FAR, with_channel(data, "voltage", u))[1].get("unit_or_sign", [])]
+    assert not any("reverse" in cure for cure in cures)
+
+
 def test_a_current_without_a_sign_is_refused() -> None:
     data = driven()
     unsigned = with_channel(data, "current", np.abs(data.measured["current"]))
