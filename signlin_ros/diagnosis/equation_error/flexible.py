@@ -29,6 +29,7 @@ from signlin_ros.diagnosis.equation_error.regression import (
     RegressionFit,
 )
 from signlin_ros.diagnosis.equation_error.waves import Waves
+from signlin_ros.diagnosis.wording import phrases
 
 Array = NDArray[np.float64]
 Columns = Callable[[ForceSegment], Array]
@@ -165,7 +166,7 @@ def _over_position(r: Regression) -> Curves | None:
         curves = _splines(piece.q, inner)
         return piece.seen(np.hstack([curves * force(piece)[:, None] for force in FORCES.values()]))
 
-    return Curves(columns, [f"a {name} that changes along the way" for name in FORCES])
+    return Curves(columns, [phrases.changes_along(name) for name in FORCES])
 
 
 def _along_the_way(r: Regression, waves: Waves, left: Array) -> Curves | None:
@@ -186,8 +187,7 @@ def _along_the_way(r: Regression, waves: Waves, left: Array) -> Curves | None:
 
     unit = plant.position_unit
     often = [f"{N:g} times a turn" if waves.whole else f"every {2 * np.pi / N:.3g} {unit}" for _, N in orders]
-    first = "forces that repeat along the way, first of all"
-    told = [f"{first} {name} that repeats {how}" for (name, _), how in zip(orders, often, strict=True)]
+    told = [phrases.repeats(name, how) for (name, _), how in zip(orders, often, strict=True)]
     return Curves(columns, told) if orders else None
 
 

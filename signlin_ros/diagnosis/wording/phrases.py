@@ -271,6 +271,16 @@ def inputs_as_recorded(inputs: Sequence[str]) -> str:
     return f"{acts}: `signlin compare`, whose observer allows for an error of it, has other numbers in its first rows"
 
 
+def repeats(force: str, often: str) -> str:
+    """Return that forces repeat along the way, which one most, and how often."""
+    return f"forces that repeat along the way, first of all {force} that repeats {often}"
+
+
+def changes_along(force: str) -> str:
+    """Return that the size of a force is a curve over the position."""
+    return f"a {force} that changes along the way"
+
+
 def error_changes(channel: str, horizon: float, before: float, after: float, unit: str) -> str:
     """Return two RMS errors of a channel over the horizon in s."""
     return f"error of {channel} over {horizon:.3g} s {before:.3g} -> {after:.3g} {unit}"
