@@ -117,6 +117,12 @@ def sentences(path: Path) -> list[str]:
 
 def test_every_sentence_of_a_diagnosis_is_in_one_package():
     found = {p.name: sentences(p) for p in DIAGNOSIS.rglob("*.py") if p.parent.name != "wording"}
-    others = {"comparison.py", "compared.py", "proposal.py", "estimator.py", "trials.py"}  # `compare`; comments of a file; errors
+    others = {
+        "comparison.py",
+        "compared.py",
+        "proposal.py",
+        "estimator.py",
+        "trials.py",
+    }  # `compare`; comments of a file; errors
     assert {n: texts for n, texts in found.items() if texts and n not in others} == {}
     assert sum(len(sentences(p)) for p in DIAGNOSIS.rglob("wording/*.py")) > 40
