@@ -470,7 +470,7 @@ signals: {force: "11.5 * coil_A", displacement: "pos_um"}
         "a rubber mount: a spring and a damper in series (35 ms) beside those of its file",
         right=("maxwell_element",),
         part=("linear_stiffness", "viscous_friction"),
-        values={"maxwell_element.k": (26000.0, 1300.0), "maxwell_element.tau": (0.035, 0.002)},
+        values={"maxwell_element.k": (26000.0, 0.05), "maxwell_element.tau": (0.035, 0.06)},
     ),
 )
 def rubber_mount(folder: Path, rng: np.random.Generator) -> None:
