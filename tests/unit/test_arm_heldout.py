@@ -10,7 +10,7 @@ from signlin_ros.arms.heldout import again, agree, foretells, foretold_both_ways
 from signlin_ros.arms.keys import GAIN, Key
 from signlin_ros.arms.laws import EXTRA
 from signlin_ros.arms.piece import RegressionRows
-from signlin_ros.arms.search import _beaten, _Promise, _stands, needed_errors
+from signlin_ros.arms.search import Promise, _beaten, needed_errors, stands
 
 FRICTION = next(law for law in EXTRA if law.loaded)
 LAW, NOISE, COUNT = ("law",), 0.05, 200
@@ -75,8 +75,8 @@ def test_a_law_of_friction_that_the_fit_leaves_in_doubt_stands_if_all_rows_tell_
     before, trial = fitted(known, unseen)
     assert abs(trial["law"] / trial.errors()[-1]) < needed_errors(50)
     state = SimpleNamespace(rows=known, new=unseen)
-    promise = _Promise(1.0, Key(FRICTION.effect, 0), FRICTION, known.z[:, None], unseen.z[:, None])
-    assert (_stands(state, before, promise, 50) is not None) == (law > 0.0)
+    promise = Promise(1.0, Key(FRICTION.effect, 0), FRICTION, known.z[:, None], unseen.z[:, None])
+    assert (stands(state, before, promise, 50) is not None) == (law > 0.0)
 
 
 def test_each_row_is_foretold_once_by_the_others():
@@ -95,8 +95,8 @@ def test_a_gain_that_one_record_leaves_open_stands_if_both_agree_and_together_te
     assert not again(trial, LAW)
     assert agree(trial, LAW) == said
     state = SimpleNamespace(rows=known, new=unseen)
-    promise = _Promise(1.0, Key(GAIN, 0), None, known.z[:, None], unseen.z[:, None])
-    assert (_stands(state, before, promise, 50) is not None) == said
+    promise = Promise(1.0, Key(GAIN, 0), None, known.z[:, None], unseen.z[:, None])
+    assert (stands(state, before, promise, 50) is not None) == said
 
 
 def test_errors_allow_for_what_a_fit_takes_of_a_few_blocks():
@@ -139,7 +139,7 @@ def test_a_law_that_another_joints_law_leaves_nothing_of_is_not_the_first(truth_
     rng = np.random.default_rng(11)
     true, like = ([rows.z[:, None] for rows in (known, unseen)] for _ in range(2))
     like = [z + 0.3 * rng.normal(size=z.shape) for z in like]
-    promises = [_Promise(1.0, Key("spring", joint), None, *columns) for joint, columns in enumerate((true, like))]
+    promises = [Promise(1.0, Key("spring", joint), None, *columns) for joint, columns in enumerate((true, like))]
     first, other = promises if truth_first else promises[::-1]
     state = SimpleNamespace(rows=known, new=unseen)
     assert _beaten(state, before, first, other) != truth_first

@@ -227,7 +227,7 @@ def test_an_output_that_cannot_be_written_is_refused_before_any_work(run, data, 
     def never(*_, **__):
         raise ZeroDivisionError("read")
 
-    for reader in ("records.read_for_model", "follow.data.read_runs"):
+    for reader in ("records.read_for_model", "follow.data.read_unmapped"):
         monkeypatch.setattr(f"signlin_ros.{reader}", never)
     option, suffix = {"simulate": ("-o", "csv"), "compare": ("--report", "html"), "add": ("-o", "yaml")}[verb]
     effect = ["coulomb_friction"] if verb == "add" else []
