@@ -121,7 +121,7 @@ def _tracked(pairs: Pairs, strict: float) -> bool:
 
 def _best(u: Array, x: Array, step: float) -> _Late:
     """Return the input (T,) with the lag and delay of a grid after which it is nearest to the position (T,)."""
-    most = max(min(LATE, step * u.size / 10.0), step)
+    most = _latest(u.size, step)
     delays = np.unique(np.round(np.linspace(0.0, most / step, DELAYS)).astype(int))
     return _nearest(u, x, step, delays, np.concatenate([[0.0], np.geomspace(step / 2.0, most, 8)]), _Late(u))
 
@@ -129,10 +129,15 @@ def _best(u: Array, x: Array, step: float) -> _Late:
 def _finest(u: Array, x: Array, step: float) -> Array:
     """Return the nearest (T,) of a finer grid around that: a hundredth of the square is not left to a coarse one."""
     best = _best(u, x, step)
-    apart = int(np.ceil(max(min(LATE, step * u.size / 10.0), step) / step / (DELAYS - 1)))
+    apart = int(np.ceil(_latest(u.size, step) / step / (DELAYS - 1)))
     delays = np.arange(max(best.delay - apart, 0), best.delay + apart + 1)[:: -(-apart // FINER)]
     lags = best.lag * np.geomspace(0.5, 2.0, 2 * FINER + 1) if best.lag else np.array([0.0, step / 2.0])
     return _nearest(u, x, step, delays, lags, best).values
+
+
+def _latest(samples: int, step: float) -> float:
+    """Return the largest delay or lag in s that is looked at."""
+    return max(min(LATE, step * samples / 10.0), step)
 
 
 @dataclass(frozen=True, eq=False)

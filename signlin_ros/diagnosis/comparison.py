@@ -122,11 +122,11 @@ def compare(
 
 
 def _spread(model: Model, records: Sequence[ModelData]) -> tuple[list[ModelData], list[str]]:
-    """Return long records as stretches, spread evenly, and the note on it; a loop is run from where they begin."""
+    """Return long records as stretches, spread evenly, and the note on it."""
     sizes = [len(record) for record in records]
-    used = spread(sizes)
+    used = spread(sizes, model.plant.closed_loop)
     told = told_spread([record.source for record in records], sizes, used)
-    if not told or model.plant.closed_loop:
+    if not told:
         return list(records), []
     return [records[one.record].part(one.first, one.first + one.size) for one in used], [told]
 

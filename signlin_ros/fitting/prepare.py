@@ -105,11 +105,11 @@ def held_in_turn(model: Model, data: Sequence[ModelData]) -> tuple[Problem, Prob
 
 
 def _thinned(problem: Problem) -> Problem:
-    """Return a problem on stretches of long records, spread evenly; a loop is run from where its records begin."""
+    """Return a problem on stretches of long records, spread evenly."""
     sizes = [s.t.size for s in problem.segments]
-    used = spread(sizes)
+    used = spread(sizes, problem.base.plant.closed_loop)
     told = told_spread([s.source for s in problem.segments], sizes, used)
-    if not told or problem.base.plant.closed_loop:
+    if not told:
         return problem
     segments = tuple(stretch_of(problem, problem.segments[i], first, n) for i, first, n in used)
     parts = tuple(problem.parts[i].part(first, first + n) for i, first, n in used)

@@ -82,12 +82,12 @@ class Stretch(NamedTuple):
     size: int
 
 
-def spread(sizes: Sequence[int]) -> list[Stretch]:
+def spread(sizes: Sequence[int], closed_loop: bool) -> list[Stretch]:
     """Return stretches of records of some sizes, spread evenly, `MAX_SAMPLES` together at most; whole records where
-    these have no more.
+    these have no more, and of a plant in a closed loop: it is run from where its records begin.
     """
     total, size = sum(sizes), MAX_SAMPLES // STRETCHES
-    if total <= MAX_SAMPLES:
+    if closed_loop or total <= MAX_SAMPLES:
         return [Stretch(i, 0, n) for i, n in enumerate(sizes)]
     places = [Stretch(i, first, min(size, n - first)) for i, n in enumerate(sizes) for first in range(0, n, size)]
     places = [one for one in places if one.size >= min(LEAST_SAMPLES, sizes[one.record])]

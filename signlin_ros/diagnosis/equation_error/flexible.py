@@ -50,8 +50,10 @@ SLIP_WIDTHS = (0.002, 0.005, 0.01, 0.02, 0.04, 0.08, 0.15, 0.3)
 SPEED_KNOTS, SLOWEST_QUANTILE = 6, 0.3
 """Knots of a curve over the speed, at quantiles of it, from this one on: slower, the direction may be lost in noise,
 and a curve would take what is lost of dry friction's corner for a law."""
-POSITION_KNOTS, MIN_KNOTS = 12, 2
-"""Knots of a curve over the position, at quantiles of it, and the fewest that make one."""
+POSITION_KNOTS = 12
+"""Knots of a curve over the position, at quantiles of it."""
+MIN_KNOTS = 2
+"""Fewest knots that make a curve."""
 WEIGHTS = (1e-3, 1e-2, 1e-1, 1.0, 10.0)
 """Weights of the ridge that are tried,"""
 CURVE_FOLDS = 5
@@ -83,8 +85,10 @@ class Curves(NamedTuple):
 
     def largest(self, theta: Array) -> str:
         """Return what has the largest coefficients (n,), in words; empty where it has none."""
-        parts = np.array_split(np.abs(theta), len(self.told) or 1)
-        return self.told[int(np.argmax([float(np.max(one)) for one in parts]))] if self.told else ""
+        if not self.told:
+            return ""
+        parts = np.abs(theta).reshape(len(self.told), -1)
+        return self.told[int(np.argmax(parts.max(axis=1)))]
 
 
 @numba.njit(cache=True)
@@ -148,7 +152,7 @@ def _over_speed(r: Regression) -> Columns:
         curves = _splines(np.abs(piece.v), inner)
         return piece.seen(np.hstack([curves * piece.sign[:, None], curves]))
 
-    return columns if inner.size > 1 else lambda piece: piece.seen(piece.sign[:, None])
+    return columns if inner.size >= MIN_KNOTS else lambda piece: piece.seen(piece.sign[:, None])
 
 
 def _over_position(r: Regression) -> Curves | None:

@@ -29,6 +29,7 @@ class FitCache:
     weighed : the models that a selection weighed, in the order in which it met them.
     searched : names of the effects that were tried on top of others.
     force_mse : mean squared force (blocks,) that a model as written leaves of validation data.
+    undriven_shares : share of the stretch of each resonant load's coupling that the motion does not make, by effect.
     """
 
     best: dict[Kind, FittedModel] = field(default_factory=dict)
@@ -38,6 +39,7 @@ class FitCache:
     weighed: list[FittedModel] = field(default_factory=list)
     searched: dict[tuple[str, ...], set[str]] = field(default_factory=dict)
     force_mse: dict[FittedModel, NDArray[np.float64]] = field(default_factory=dict)
+    undriven_shares: dict[FittedModel, dict[str, float]] = field(default_factory=dict)
 
     @property
     def from_all_starts(self) -> set[str]:

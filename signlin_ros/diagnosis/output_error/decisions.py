@@ -139,9 +139,10 @@ class Decisions:
         """Return the load of which most of what it does is not what the motion makes of it; empty where none is."""
         if not any(EFFECTS[n].resonant for n in f.effects):
             return ""
-        if f not in self._shares:
-            self._shares[f] = undriven_shares(self.training, f.fit)
-        return next((key for key, share in self._shares[f].items() if share > HALF), "")
+        known = self.cache.undriven_shares
+        if f not in known:
+            known[f] = undriven_shares(self.training, f.fit)
+        return next((key for key, share in known[f].items() if share > HALF), "")
 
     def _undriven_without_play(self, f: FittedModel) -> str:
         """Return the load with play that does not surely err less than such a one without."""
@@ -151,10 +152,6 @@ class Decisions:
                 if simple and self._undriven(simple) and self.t_ratio(simple, f) < self.criteria.min_t:
                     return name
         return ""
-
-    @functools.cached_property
-    def _shares(self) -> dict[FittedModel, dict[str, float]]:
-        return {}
 
     def unresolved(self, f: FittedModel) -> str:
         """Return which effect is quicker than the samples can show, in words; empty where none is."""

@@ -145,7 +145,7 @@ def rounded(channel: str, offset: float, step: float, unit: str) -> str:
 
 def undriven(key: str) -> str:
     """Return that what a load does is not what the motion of the axis makes of it."""
-    return f"the axis hardly moves the load of {key}: a vibration from outside looks the same"
+    return f"the axis hardly moves the load of {listed([key])}: a vibration from outside looks the same"
 
 
 def few_waves(key: str, periods: float) -> str:
