@@ -89,7 +89,7 @@ def measured() -> str:
 
 
 def drawn() -> str:
-    """Return how machines drawn by hand were answered, and the answers that are not right."""
+    """Return how machines drawn by hand were answered, and which not rightly."""
     rows, before = rows_of("drawn_machines"), rows_of("drawn_machines_first")
     grades = ("right", "part", "honest", "wrong", "failed")
     now, first = (
@@ -99,17 +99,17 @@ def drawn() -> str:
         f"{len(rows)} machines with their controllers, encoders, filters and logs, simulated by a program of their own "
         "(`python -m benchmarks.machines.run`), among them some that hide nothing and some whose effect is not listed. "
         "Truth and seed were written down before, but for the delays of a held command and of a filter, which were "
-        "allowed where they were found, and a valve that hardly moved and a strut that rubbed within its play, which "
-        "were drawn again. First answers of "
-        f"{len(before)}: {first}. What they showed was mended (windings that settle within a sample, loads behind "
-        f"couplings, a temperature that was recorded, a speed without a sign); answers after that: {now}. "
-        "*Part*: a true name is told, but not confirmed or not alone, or with "
-        "a wrong value; *honest*: nothing is named. Not right:"
+        "allowed where they were found, and two whose law hardly acted, which were drawn again. First answers of "
+        f"{len(before)}: {first}. Answers after what they showed was mended: {now}. *Part*: a true name is told, but "
+        "not confirmed or not alone, or with a wrong value; *honest*: nothing is named. What each machine hides, and "
+        "its answer, are in `docs/results/drawn_machines.csv`. Not right:"
     )
     body = [
-        [r["machine"].replace("_", " "), r["hidden"], r["answer"], r["grade"]] for r in rows if r["grade"] != "right"
+        [grade, ", ".join(r["machine"].replace("_", " ") for r in rows if r["grade"] == grade)]
+        for grade in grades[1:]
+        if any(r["grade"] == grade for r in rows)
     ]
-    return f"\n## Machines drawn by hand\n\n{text}\n\n{table(['machine', 'hidden', 'answer', 'grade'], body)}"
+    return f"\n## Machines drawn by hand\n\n{text}\n\n{table(['grade', 'machines'], body)}"
 
 
 def live() -> str:
