@@ -78,6 +78,16 @@ def _weak_cubic(s: Setting) -> Values:
     return {"k3": -min(size, 0.6 * k / s.scale.reach**2) if k > 0 else float("nan")}
 
 
+def _asymmetric(sign: float) -> Callable[[Setting], Values]:
+    """Return how a spring is drawn that is stiffer one way: its cubic part as large as the quadratic, or smaller."""
+
+    def drawn(s: Setting) -> Values:
+        k2 = 1.3 * s.force() / s.scale.position**2
+        return {"k2": sign * k2, "k3": k2 * s.rng.uniform(0.3, 1.0) / s.scale.position}
+
+    return drawn
+
+
 def _loop(n: float, low: float, high: float) -> Callable[[Setting], Values]:
     """Return how a loop of power n is drawn, its gamma between shares of beta."""
 
@@ -149,6 +159,7 @@ VARIANTS: dict[str, dict[str, Callable[[Setting], Values]]] = {
     "sensor_offset": {"up": _on("sensor_offset", 1, 1.0), "down": _on("sensor_offset", 1, -1.0)},
     "sensor_gain": {"more": _on("sensor_gain", 1, 1.0), "less": _on("sensor_gain", 1, -1.0)},
     "sensor_delay": {"position": _on("sensor_delay", 2), "velocity": _on("sensor_delay", 1)},
+    "asymmetric_stiffness": {"stiffer forward": _asymmetric(1.0), "stiffer backward": _asymmetric(-1.0)},
 }
 """Laws of several forms, and those that no other group holds."""
 

@@ -30,6 +30,7 @@ SIBLINGS = {
     "cogging_torque": ("1", "q"),
     "torque_ripple": ("1", "q"),
     "cubic_stiffness": ("q",),
+    "asymmetric_stiffness": ("q", "q3"),
     "hard_stop": ("q",),
     "dahl_presliding": ("s", "v"),
     "play_friction": ("s", "v", "q"),

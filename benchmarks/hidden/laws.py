@@ -45,6 +45,7 @@ CATALOGUE = {
     "torque_ripple": ("A", "N", "phi", "A_2", "N_2", "phi_2"),
     "linear_stiffness": ("k",),
     "cubic_stiffness": ("k3",),
+    "asymmetric_stiffness": ("k2", "k3"),
     "hard_stop": ("gap", "k_s"),
     "dahl_presliding": ("F_c", "sigma"),
     "play_friction": ("F_c", "sigma", "gap"),
@@ -166,6 +167,7 @@ def position_force(t: float, y: Array, aux: float, p: Any) -> float:
         angle = p.harmonic_cogging_N * q + p.harmonic_cogging_phi
         force -= p.harmonic_cogging_A * (math.sin(angle) + p.harmonic_cogging_second * math.sin(2.0 * angle))
     force -= p.cubic_stiffness_k3 * q**3 + p.quintic_stiffness_k5 * q**5
+    force -= p.asymmetric_stiffness_k2 * q**2 + p.asymmetric_stiffness_k3 * q**3
     force -= p.hard_stop_k_s * zone(q, p.hard_stop_gap)
     beyond = zone(q, p.damped_stop_gap)
     if p.damped_stop_k_s > 0.0 and beyond != 0.0:

@@ -37,6 +37,7 @@ CATALOGUE = (
     "torque_ripple",
     "linear_stiffness",
     "cubic_stiffness",
+    "asymmetric_stiffness",
     "hard_stop",
     "dahl_presliding",
     "play_friction",

@@ -20,6 +20,7 @@ class CubicStiffness(Effect):
     experiment = "move further out to both sides"
     command = "staircase"
     external = True
+    family = "nonlinear stiffness"
 
     k3 = Par("F/Q³", nominal=0.1, low=-1e24, high=1e24, doc="cubic stiffness; positive hardens")
     start = ({"k3": 0.05},)

@@ -33,6 +33,7 @@ EFFECT_SIZES: dict[str, dict[str, Any]] = {
     "torque_ripple": {"orders": [3.0, 7.0], "A": [0.02, 0.01], "phi": [0.1, 0.8]},
     "linear_stiffness": {"k": 0.1},
     "cubic_stiffness": {"k3": 0.05},
+    "asymmetric_stiffness": {"k2": 0.02, "k3": 0.05},
     "hard_stop": {"gap": 0.3, "k_s": 2.0},
     "dahl_presliding": {"F_c": 0.033, "sigma": 2.0},
     "lugre_friction": {"sigma0": 20.0, "sigma1": 0.02, "sigma2": 0.001, "F_c": 0.03, "F_s": 0.05, "v_s": 1.0},

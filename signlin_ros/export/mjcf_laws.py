@@ -121,6 +121,13 @@ def cubic_stiffness(parts: MjcfParts, p: Values, key: str) -> str:
     return "stiffness's third coefficient"
 
 
+def asymmetric_stiffness(parts: MjcfParts, p: Values, key: str) -> str:
+    """Return the MJCF elements of a law: the second and the third coefficient of stiffness."""
+    parts.stiffness[1] += p["k2"]
+    cubic_stiffness(parts, p, key)
+    return "stiffness's second and third coefficients"
+
+
 def stop(parts: MjcfParts, p: Values, key: str) -> str:
     """Return the MJCF elements of a law: a tendon with a dead band."""
     gap = p["gap"]
@@ -211,6 +218,7 @@ MJCF_LAWS: dict[str, Callable[[MjcfParts, Values, str], str]] = {
     "asymmetric_viscous_friction": asymmetric,
     "linear_stiffness": stiffness,
     "cubic_stiffness": cubic_stiffness,
+    "asymmetric_stiffness": asymmetric_stiffness,
     "hard_stop": stop,
     "compliant_load": compliant,
     "backlash": play,

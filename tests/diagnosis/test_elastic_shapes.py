@@ -58,7 +58,7 @@ def pushed(seed: int, bend: float, noise_in_force: float) -> ModelData:
 @pytest.mark.parametrize(
     ("bend", "noise_in_force", "verdict"),
     [
-        (6.4, 0.0, "unexplained"),
+        (6.4, 0.0, "missing"),
         pytest.param(
             0.0,
             8.0,
@@ -72,6 +72,7 @@ def test_noise_in_the_force_does_not_go_with_the_position(bend, noise_in_force, 
     model = Model.from_dict({"plant": "mass_spring_damper", "parameters": {"m": 1.0, "c": 0.8, "k": 16.0}})
     found = diagnose(model, pushed(1, bend, noise_in_force), pushed(2, bend, noise_in_force))
     assert found.verdict == verdict
+    assert proposed(found) == ({"asymmetric_stiffness"} if bend else set())
 
 
 def circuit(seed: int, growing: bool) -> ModelData:

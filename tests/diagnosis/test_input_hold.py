@@ -23,9 +23,10 @@ FINE, RATE, SAMPLES = 20, 200.0, 1200
 DUFFING = {"m": 1.5, "c": 4.0, "k": 600.0, "k3": 4e4}
 
 
-def duffing(seed: int, rms: float = 18.0) -> ModelData:
-    """Return a record of an oscillator with a cubic spring under a force whose spectrum ends at a fifth of the rate,
-    sampled; between the samples the force is what its spectrum says. Integrated here, in steps of a twentieth.
+def duffing(seed: int, rms: float = 18.0, k2: float = 0.0) -> ModelData:
+    """Return a record of an oscillator with a cubic spring (and a quadratic one, ``k2`` in N/m²) under a force whose
+    spectrum ends at a fifth of the rate, sampled; between the samples the force is what its spectrum says. Integrated
+    here, in steps of a twentieth.
     """
     rng = np.random.default_rng(seed)
     lines = np.zeros(SAMPLES // 2 + 1, dtype=complex)
@@ -39,7 +40,7 @@ def duffing(seed: int, rms: float = 18.0) -> ModelData:
     h, q, v, states = 1.0 / (RATE * FINE), 0.0, 0.0, np.zeros((SAMPLES, 2))
 
     def slope(q: float, v: float, u: float) -> tuple[float, float]:
-        return v, (u - c * v - k * q - k3 * q**3) / m
+        return v, (u - c * v - k * q - k2 * q**2 - k3 * q**3) / m
 
     for i in range(SAMPLES * FINE):
         if i % FINE == 0:
@@ -68,6 +69,17 @@ def test_a_spring_that_stiffens_is_named_alone_under_a_sampled_force(seed: int) 
     assert sum("input_hold" in note for note in found.notes) == 1
     k3 = found.parameters["cubic_stiffness.k3"]
     assert k3.value == pytest.approx(DUFFING["k3"], rel=0.05)
+
+
+@pytest.mark.slow
+def test_a_spring_that_stiffens_one_way_more_is_no_load_beside_a_wrong_zero() -> None:
+    """A cubic spring about another place is a cubic one with a load, seen by a sensor with an offset."""
+    base = {"plant": "mass_spring_damper", "parameters": {"m": 1.55, "c": 4.2, "k": 580.0}, "update_period": 0.1}
+    found = diagnose(Model.from_dict(base), duffing(1, k2=1500.0), duffing(101, k2=1500.0))
+    assert found.ladder[-1].effects == ("asymmetric_stiffness",)
+    assert found.verdict == "missing"
+    assert found.parameters["asymmetric_stiffness.k2"].value == pytest.approx(1500.0, rel=0.1)
+    assert found.parameters["asymmetric_stiffness.k3"].value == pytest.approx(DUFFING["k3"], rel=0.05)
 
 
 EACH_HOLD = [("forward", 3.0), ("centred", 0.0), ("centred", 3.0), ("backward", 3.0)]

@@ -30,6 +30,7 @@ HELD = [
     "cubic_viscous_friction",
     "linear_stiffness",
     "cubic_stiffness",
+    "asymmetric_stiffness",
     "hard_stop",
     "compliant_load",
     "backlash",

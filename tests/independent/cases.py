@@ -32,7 +32,11 @@ STRIBECK = {"stribeck_friction": {"mu": 0.025, "excess": 0.03, "v_s": 2.5}}
 DRAG = {"quadratic_drag": {"c2": 6e-5}}
 STOP = {"hard_stop": {"gap": 0.8, "k_s": 2.0}}
 LOAD_DEPENDENT = {"load_dependent_friction": {"kappa_d": 0.1, "kappa_e": 0.2}}
-SPRINGS = {"linear_stiffness": {"k": 0.05}, "cubic_stiffness": {"k3": 0.004}}
+SPRINGS = {
+    "linear_stiffness": {"k": 0.05},
+    "cubic_stiffness": {"k3": 0.004},
+    "asymmetric_stiffness": {"k2": 0.01, "k3": 0.004},
+}
 HOT = {"thermal_resistance": {"a": 0.004, "C": 20.0, "R_th": 3.0}}
 LUGRE = {"lugre_friction": {"sigma0": 20.0, "sigma1": 0.05, "sigma2": 1e-4, "F_c": 0.03, "F_s": 0.05, "v_s": 1.5}}
 DAHL = {"dahl_presliding": {"F_c": 0.033, "sigma": 2.0}}

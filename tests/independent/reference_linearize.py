@@ -218,7 +218,7 @@ class Reference:
 # --- plants
 
 NEEDS_POSITION = {
-    "gravity_load", "cogging_torque", "linear_stiffness", "cubic_stiffness", "hard_stop",
+    "gravity_load", "cogging_torque", "linear_stiffness", "cubic_stiffness", "asymmetric_stiffness", "hard_stop",
     "bouc_wen_hysteresis", "compliant_load", "backlash",
 }  # fmt: skip
 
@@ -366,6 +366,7 @@ EXTERNAL: dict[str, Callable[[Any, Any], Any]] = {
     "gravity_load": lambda p, q: -p.A * sin(q - getattr(p, "q0", 0)),
     "linear_stiffness": lambda p, q: -p.k * q,
     "cubic_stiffness": lambda p, q: -p.k3 * q**3,
+    "asymmetric_stiffness": lambda p, q: -p.k2 * q**2 - p.k3 * q**3,
 }
 
 
@@ -383,6 +384,10 @@ def linear_stiffness(M: Reference, p: Any, key: str) -> None:
 
 def cubic_stiffness(M: Reference, p: Any, key: str) -> None:
     M.force((M.q,), lambda x, u: EXTERNAL["cubic_stiffness"](p, x[M.q]))
+
+
+def asymmetric_stiffness(M: Reference, p: Any, key: str) -> None:
+    M.force((M.q,), lambda x, u: EXTERNAL["asymmetric_stiffness"](p, x[M.q]))
 
 
 def cogging_torque(M: Reference, p: Any, key: str) -> None:
@@ -494,7 +499,7 @@ EFFECTS: dict[str, Callable[[Reference, Any, str], None]] = {
         for f in (
             viscous_friction, coulomb_friction, stribeck_friction, asymmetric_viscous_friction,
             quadratic_drag, load_dependent_friction, constant_load, gravity_load, cogging_torque,
-            linear_stiffness, cubic_stiffness, hard_stop, dahl_presliding, lugre_friction,
+            linear_stiffness, cubic_stiffness, asymmetric_stiffness, hard_stop, dahl_presliding, lugre_friction,
             bouc_wen_hysteresis, compliant_load, backlash, thermal_resistance,
         )
     },

@@ -93,6 +93,7 @@ LAWS = {
     "cogging_torque": (lambda v, q, A, N, phi: -A * np.sin(N * q + phi), {"A": 0.01, "N": 5.0, "phi": 0.6}),
     "linear_stiffness": (lambda v, q, k: -k * q, {"k": 0.05}),
     "cubic_stiffness": (lambda v, q, k3: -k3 * q**3, {"k3": 0.004}),
+    "asymmetric_stiffness": (lambda v, q, k2, k3: -k2 * q**2 - k3 * q**3, {"k2": 0.01, "k3": 0.004}),
     "hard_stop": (lambda v, q, gap, k_s: -k_s * (max0(q - gap) - max0(-q - gap)), {"gap": 0.8, "k_s": 2.0}),
     "load_dependent_friction": (  # at i = 0.7, without any F_ext
         lambda v, q, kappa_d, kappa_e: -kappa_d * abs(0.0805 * 0.7) * sgn(v),
