@@ -11,13 +11,13 @@ from __future__ import annotations
 import gc
 import os
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
-from tests.forking import spent_by_copies
+from tests.forking import Zygote, spent_by_copies, when_asked
 
 HERE = Path(__file__).parent
 YIELD = 10
@@ -32,6 +32,12 @@ GARBAGE = 20_000
 PAGE = "web"
 """Group of the tests of the page."""
 SPENT = "processor time"
+NODES = (
+    *("signlin_ros.nodes.linearizer_logic", "signlin_ros.nodes.controller_logic", "signlin_ros.nodes.monitor_logic"),
+    *("signlin_ros.nodes.feed_logic", "signlin_ros.nodes.diagnoses", "signlin_ros.records"),
+    *("sim_nodes.signals", "sim_nodes.playing", "sim_nodes.measuring"),
+)
+"""What nodes import; not rclpy, whose libraries start threads."""
 BEGUN = pytest.StashKey[float]()
 """Processor time of this process and those that it has waited for, before a test."""
 
@@ -147,6 +153,16 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
                 spent[_folder(HERE.parent / report.location[0])] += dict(report.user_properties).get(SPENT, 0.0)
     told = ", ".join(f"{folder} {seconds:.0f} s" for folder, seconds in sorted(spent.items()))
     terminalreporter.write_line(f"{SPENT}: {told or 'none'}")
+
+
+# -------------------------------------------------------------------- what tests of nodes and of the page share
+
+
+@pytest.fixture(scope="session")
+def zygote() -> Iterator[Callable[[], Zygote]]:
+    """What nodes are copied from; made where it is first needed."""
+    with when_asked(NODES) as only:
+        yield only
 
 
 # -------------------------------------------------------------------- what a test must not leave behind

@@ -13,14 +13,8 @@ from typing import Any
 
 import pytest
 
-from tests.forking import Copied, Zygote, when_asked
+from tests.forking import Copied, Zygote
 
-IMPORTED = (
-    *("signlin_ros.nodes.linearizer_logic", "signlin_ros.nodes.controller_logic", "signlin_ros.nodes.monitor_logic"),
-    *("signlin_ros.nodes.feed_logic", "signlin_ros.nodes.diagnoses", "signlin_ros.records"),
-    *("sim_nodes.signals", "sim_nodes.playing", "sim_nodes.measuring"),
-)
-"""Not rclpy, whose libraries start threads."""
 PREFIX = Path(sys.prefix)
 SHARE = PREFIX / "share" / "signlin_ros"
 CONFIG = SHARE / "config"
@@ -187,13 +181,6 @@ class Graph:
             return next((s for s in statuses if text in s.message), None)
 
         return self.wait(found, f"diagnostics {text!r}")
-
-
-@pytest.fixture(scope="session")
-def zygote() -> Iterator[Callable[[], Zygote]]:
-    """What nodes are copied from; made where it is first needed."""
-    with when_asked(IMPORTED) as only:
-        yield only
 
 
 @pytest.fixture

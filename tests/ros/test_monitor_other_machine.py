@@ -214,9 +214,8 @@ def test_a_change_that_no_hypothesis_holds_is_not_named() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [5, 6])
-def test_an_effort_that_nobody_measures_hides_no_change(seed: int) -> None:
-    rig = Unmeasured(seed, channels=("position", "speed", "current"))
+def test_an_effort_that_nobody_measures_hides_no_change() -> None:
+    rig = Unmeasured(5, channels=("position", "speed", "current"))
     rig.go(AT)
     health = rig.logic.health(round(AT * NANO))
     assert "current 0 throughout" in health.message

@@ -353,10 +353,9 @@ def catches(pid: int, number: int) -> bool:
     return bool(int(status.partition("SigCgt:")[2].split()[0], 16) >> (number - 1) & 1)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_signals_while_a_node_starts_end_it_without_a_word(graph: Any, number: int) -> None:
+def test_signals_while_a_node_starts_end_it_without_a_word(graph: Any) -> None:
     """From the first line of its own on, when it catches SIGTERM, which nothing before that does."""
-    for delay in np.linspace(0.0, 1.2, 7):
+    for delay, number in zip(np.linspace(0.0, 1.2, 8), (signal.SIGINT, signal.SIGTERM) * 4, strict=True):
         process = graph.start("plant_simulator", copied=False)
         graph.wait(lambda pid=process.popen.pid: catches(pid, signal.SIGTERM), "its own first line")
         sleep(delay)

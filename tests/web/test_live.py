@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-import subprocess
+import signal
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -14,12 +14,14 @@ import pytest
 if TYPE_CHECKING:
     from conftest import Page, Server
 
+    from tests.forking import Zygote
+
 PREFIX = Path(sys.prefix)
 BIN, CONFIG = PREFIX / "lib" / "signlin_ros", PREFIX / "share" / "signlin_ros" / "config"
 
 
 @pytest.fixture
-def running(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def running(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, zygote: Callable[[], Zygote]) -> Iterator[None]:
     """A motor and its linearizer, on a domain of their own that the server of the test is on too."""
     pytest.importorskip("rclpy", reason="ROS 2 is not installed: pip install 'signlin_ros[ros]'")
     if not (BIN / "linearizer").exists():
@@ -35,11 +37,10 @@ def running(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         for name, more in (("linearizer", ()), ("plant_simulator", drive)):
             command = [str(BIN / name), "--ros-args", "-r", "__ns:=/arm", *more]
             command += ["--params-file", str(CONFIG / "dc_motor.yaml")]
-            with (tmp_path / f"{name}.log").open("wb") as log:
-                processes.append(subprocess.Popen(command, stdout=log, stderr=log, env=dict(os.environ)))
+            processes.append(zygote().start(command, tmp_path / f"{name}.log", dict(os.environ)))
         yield
         for process in processes:
-            process.terminate()
+            process.send_signal(signal.SIGTERM)
         for process in processes:
             process.wait(60)
 
