@@ -43,7 +43,7 @@ CORRELATED_SAMPLES = 20
 
 
 @dataclass(frozen=True, eq=False)
-class Told:
+class Identified:
     """How well a record tells parameters: the standard errors (k,) of their logarithms if all others are known, and
     the groups that move together in this record, but need not in another one of the same channels.
     """
@@ -69,15 +69,15 @@ class Excitation(Check):
 
     def find(self, look: Look) -> Iterator[Finding]:
         """Yield one note for the record."""
-        if look.followed is None or look.predicted is None or look.told:
+        if look.followed is None or look.predicted is None or look.reported:
             return
-        told = parameters_told(look.model, look.followed)
-        said = [*_of_parameters(told), *_of_effects(look, look.followed)] if told else []
+        identified = identified_parameters(look.model, look.followed)
+        said = [*_of_parameters(identified), *_of_effects(look, look.followed)] if identified else []
         if said:
             yield self.note("", f"this record tells {'; '.join(said)}")
 
 
-def parameters_told(model: Model, f: Followed) -> Told | None:
+def identified_parameters(model: Model, f: Followed) -> Identified | None:
     """Return how well a record tells the parameters of the plant; None where nothing can be said."""
     before = f.innovations()
     moved = {name: answer for name in _free(model) if (answer := _moved(model, f, name, before)) is not None}
@@ -90,7 +90,7 @@ def parameters_told(model: Model, f: Followed) -> Told | None:
     groups = [_group(names, size, float(weak[k]), directions[:, k]) for k in np.flatnonzero(weak < WEAK)]
     merged = _merged([group for group in groups if group], names)
     always = _merged([_group(names, size, 0.0, directions[:, k]) for k in np.flatnonzero(weak < COLLINEAR)], names)
-    return Told(tuple(names), 1.0 / size, tuple(group for group in merged if group not in always))
+    return Identified(tuple(names), 1.0 / size, tuple(group for group in merged if group not in always))
 
 
 def _free(model: Model) -> list[str]:
@@ -143,11 +143,11 @@ def _merged(groups: list[tuple[str, ...]], names: list[str]) -> tuple[tuple[str,
     return tuple(tuple(name for name in names if name in group) for group in found)
 
 
-def _of_parameters(told: Told) -> Iterator[str]:
-    unknown = [n for n, alone in zip(told.names, told.alone, strict=True) if alone > MAX_RELATIVE_ERROR]
+def _of_parameters(identified: Identified) -> Iterator[str]:
+    unknown = [n for n, alone in zip(identified.names, identified.alone, strict=True) if alone > MAX_RELATIVE_ERROR]
     if unknown:
         yield f"nothing of {joined(unknown)}"
-    for group in told.groups:
+    for group in identified.groups:
         yield f"{joined(group)} only together: they move as one"
 
 

@@ -38,14 +38,14 @@ class Look:
         self.model, self.record = model.under(record.conditions), record
         self.channels = tuple(record.measured)
         self.position, self.velocity = model.plant.position, model.plant.velocity
-        self.told: tuple[str, ...] = ()
+        self.reported: tuple[str, ...] = ()
         self._noise: dict[str, Noise] = {}
         self._quantum: dict[str, float] = {}
 
-    def on(self, record: ModelData, told: tuple[str, ...]) -> Look:
-        """Return the look at a record after a check, which has found something of the inputs and channels ``told``."""
+    def on(self, record: ModelData, reported: tuple[str, ...]) -> Look:
+        """Return the look at a record after a check that has ``reported`` something of these inputs and channels."""
         other = self if record is self.record else Look(self.model, record)
-        other.told = told
+        other.reported = reported
         return other
 
     @property

@@ -40,7 +40,7 @@ class MixedClocks(Check):
 
     def find(self, look: Look) -> Iterator[Finding]:
         """Yield the input that is late."""
-        if look.base is None or look.predicted is None or not look.record.inputs or look.told:
+        if look.base is None or look.predicted is None or not look.record.inputs or look.reported:
             return
         if look.model.plant.motion_is_imposed():
             return

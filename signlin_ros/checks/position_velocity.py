@@ -50,7 +50,7 @@ class PositionVelocity(OfColumns):
         if ("derived", v) in {(note.kind, note.channel) for note in as_notes(look.record.notes)}:
             return  # it is the rate of the position
         found = look.travel
-        if found is None or {q, v} & set(look.told):
+        if found is None or {q, v} & set(look.reported):
             return
         if found.offset and v in look.channels:
             offset = f"{abs(found.offset):.3g} {look.unit(v)} {'more' if found.offset > 0 else 'less'}"

@@ -32,7 +32,7 @@ def never_reached(look: Look, name: str, values: Array) -> tuple[NDArray[np.bool
     """
     found, small = np.zeros(values.size, dtype=np.bool_), values != look.of(name)
     other = follow(look.base, with_channel(look.record, name, values), look.channels) if look.base else None
-    as_said = follow(look.base, look.record, look.channels) if look.base and other else None
+    as_said = look.followed if other else None
     if other is None or as_said is None:
         return found, small
     j = look.record.inputs.index(name)
@@ -51,13 +51,13 @@ def never_reached(look: Look, name: str, values: Array) -> tuple[NDArray[np.bool
     sums = np.cumsum(np.stack([np.sum(changes * answers, axis=1), np.sum(answers**2, axis=1)]), axis=1)
     sums = np.concatenate([np.zeros((2, 1)), sums], axis=1)
     both, own = (one[ends] - one[of] for one in sums)
-    told = own > MIN_ANSWER**2
-    missed = told & (2.0 * np.abs(both - own) < own)
+    large = own > MIN_ANSWER**2
+    missed = large & (2.0 * np.abs(both - own) < own)
     begins, after = ends_of_runs(values != look.of(name))
     for first, last, t in zip(begins, after, look.t[begins], strict=True):
         at = np.flatnonzero(np.abs(as_said.t[of] - t) < 0.5 * as_said.step)
         if at.size:
-            found[first:last], small[first:last] = missed[at[0]], not told[at[0]]
+            found[first:last], small[first:last] = missed[at[0]], not large[at[0]]
     return found, small
 
 

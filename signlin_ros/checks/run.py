@@ -69,7 +69,9 @@ class _Pass:
             return False
         if kind.needs_input and any(f.open and f.channel in self.record.inputs for f in self.found):
             return False
-        return not (kind.needs_time and ("t" in self.look.told or any(f.check == NoMotion.name for f in self.found)))
+        return not (
+            kind.needs_time and ("t" in self.look.reported or any(f.check == NoMotion.name for f in self.found))
+        )
 
     def treat(self, kind: type[Check], findings: Sequence[Finding], cures: frozenset[str]) -> None:
         """Take what a check found, and apply the cures that are to be."""

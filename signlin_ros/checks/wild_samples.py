@@ -47,7 +47,7 @@ class WildSamples(Check):
             off = wild(look.record, name, inert=name in inert)
             if off.any():
                 yield self._finding(look, name, off, _left_out(look, name, off), ("it is", "they are"), "left out")
-        for name in (n for n in look.record.inputs if n not in look.told and not _derived(look.record, n)):
+        for name in (n for n in look.record.inputs if n not in look.reported and not _derived(look.record, n)):
             off = wild_inputs(look.t, look.of(name))
             off = never_reached(look, name, filled_in(look.t, look.of(name), off)[0])[0] if off.any() else off
             if off.any():

@@ -82,7 +82,7 @@ def compare(
         _horizon(model, horizon, float(np.median(steps)))
     prepared = _as_diagnosed(model, data, validation)
     both = _how_inputs_act(prepared, watched)
-    told = [both.dataset.told_hold] if both and both.dataset.told_hold else []
+    told = [both.dataset.hold_note] if both and both.dataset.hold_note else []
     model = model.with_options(input_hold=both.dataset.model.input_hold) if both else model
     watched.say("noise of the sensors")
     observer, notes = _observed(model, seen)

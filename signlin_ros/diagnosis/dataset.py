@@ -31,14 +31,14 @@ MAX_SWING_RATIO = 1.15
 @dataclass(frozen=True, eq=False)
 class Dataset:
     """The model ``given``, its records as given or held out, prepared as ``training`` and ``validation`` data;
-    ``told_hold``: how their inputs act, if that was found (`signlin_ros.diagnosis.input_hold`).
+    ``hold_note``: how their inputs act, if that was found (`signlin_ros.diagnosis.input_hold`).
     """
 
     given: Model
     records: tuple[ModelData, ...]
     training: Problem
     validation: Problem
-    told_hold: str = ""
+    hold_note: str = ""
 
     @property
     def model(self) -> Model:

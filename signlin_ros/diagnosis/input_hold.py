@@ -110,7 +110,7 @@ def with_hold(
         return None
     told = _said(dataset, held, best)
     problem = replace(best.motion.training, notes=(*best.motion.training.notes, told))
-    return replace(dataset, training=problem, validation=best.motion.validation, told_hold=told), best.motion
+    return replace(dataset, training=problem, validation=best.motion.validation, hold_note=told), best.motion
 
 
 def _tried(motion: OutputErrorEstimator, force: EquationErrorResult | None, stop: bool = False) -> HoldTrial:

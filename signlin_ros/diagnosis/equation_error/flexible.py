@@ -78,17 +78,17 @@ class Curve(NamedTuple):
 
 
 class Curves(NamedTuple):
-    """Columns of a flexible regression; ``told``: what the curves are, by equal parts of the columns, in words."""
+    """Columns of a flexible regression; ``labels``: what the curves are, by equal parts of the columns, in words."""
 
     columns: Columns
-    told: Sequence[str] = ()
+    labels: Sequence[str] = ()
 
     def largest(self, theta: Array) -> str:
         """Return what has the largest coefficients (n,), in words; empty where it has none."""
-        if not self.told:
+        if not self.labels:
             return ""
-        parts = np.abs(theta).reshape(len(self.told), -1)
-        return self.told[int(np.argmax(parts.max(axis=1)))]
+        parts = np.abs(theta).reshape(len(self.labels), -1)
+        return self.labels[int(np.argmax(parts.max(axis=1)))]
 
 
 @numba.njit(cache=True)
@@ -191,8 +191,8 @@ def _along_the_way(r: Regression, waves: Waves, left: Array) -> Curves | None:
 
     unit = plant.position_unit
     often = [f"{N:g} times a turn" if waves.whole else f"every {2 * np.pi / N:.3g} {unit}" for _, N in orders]
-    told = [phrases.repeats(name, how) for (name, _), how in zip(orders, often, strict=True)]
-    return Curves(columns, told) if orders else None
+    labels = [phrases.repeats(name, how) for (name, _), how in zip(orders, often, strict=True)]
+    return Curves(columns, labels) if orders else None
 
 
 def _unseen_after(r: Regression, waves: Waves, fit: RegressionFit) -> tuple[Array, str]:
