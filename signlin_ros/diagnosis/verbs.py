@@ -8,6 +8,7 @@
 | input hold | `with_hold`, in `evidence_of` | the data and the base model again, if inputs do not act as if held |
 | base held | `Evidence.grounded` | the same with base parameters held, where the forces contradict the fitted ones |
 | selection | `select_model` | `Selection`: the effects that both estimates support; its steps stand in its module |
+| base set free | `with_base_unheld` | both with no parameter held, if what is selected leaves more than noise |
 | noise of inputs | `with_inputs_as_recorded` | `Evidence` and `Selection`, if noise of inputs acts and hid a law |
 | verdict | `verdict_of` | `Verdict`: `reason_of` says which test on validation data fails, if one does |
 | rivals | `discriminated` | the `Selection` between rivals of a planned experiment, where some are given |
@@ -41,6 +42,7 @@ from signlin_ros.diagnosis.recorded_inputs import with_inputs_as_recorded
 from signlin_ros.diagnosis.results import Diagnosis, listed
 from signlin_ros.diagnosis.selection import Selection, select_model
 from signlin_ros.diagnosis.summary import summary_of
+from signlin_ros.diagnosis.unheld_base import with_base_unheld
 from signlin_ros.diagnosis.verdict import verdict_of
 from signlin_ros.diagnosis.wording import phrases
 from signlin_ros.model import Model
@@ -75,6 +77,7 @@ def diagnose(
     )
     evidence = evidence.grounded()
     selection = select_model(evidence)
+    evidence, selection = with_base_unheld(evidence, selection) or (evidence, selection)
     evidence, selection = with_inputs_as_recorded(evidence, selection) or (evidence, selection)
     if rivals:
         watched.say(phrases.PLANNED_RIVALS)
