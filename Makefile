@@ -53,8 +53,8 @@ test test-all quick: export OPENBLAS_NUM_THREADS ?= 1
 # Hundreds of processes are started: each would compile every module anew where Python is told to keep no bytecode.
 test test-all quick bytecode: export PYTHONDONTWRITEBYTECODE :=
 quick: WORKERS = logical
-# Its cells are run, and what they come to is looked at, in tests/export/test_notebook.py.
-NOTEBOOKS = --nbmake --ignore=docs/learn/simulator.ipynb
+# The cells of the others are run, once, where what they come to is looked at (tests/notebooks.py).
+NOTEBOOKS = --nbmake $(addprefix --ignore=docs/learn/,$(addsuffix .ipynb,motor damper simulator))
 PYTEST = $(BIN)/python -m pytest -q -p no:anyio -n $(WORKERS) --maxprocesses=8 --dist=loadgroup --no-loadscope-reorder
 
 test: install    ## lint, types, import rules and the tests, but for those that take long

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from signlin_ros.api import compare as compared
 from signlin_ros.comparison.equations import bare
 from signlin_ros.diagnosis import diagnose
 from signlin_ros.diagnosis.comparison import compare
@@ -17,6 +17,7 @@ from signlin_ros.follow.data import load_records
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from tests.diagnosis.test_traps import proposed
+from tests.notebooks import cells_run
 
 DATA = Path(os.environ.get("SIGNLIN_DATA", "../shared/data"))
 pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason=f"no measurement records at {DATA} (set SIGNLIN_DATA)")
@@ -35,12 +36,6 @@ def diagnosed(model: Model, folder: str, names: Sequence[str], unseen: str) -> t
     return diagnose(model, data[:-1], data[-1:]), data[-1]
 
 
-def thinned(record: ModelData, every: int) -> ModelData:
-    """Return a record with one sample in so many."""
-    measured = {name: values[::every] for name, values in record.measured.items()}
-    return replace(record, t=record.t[::every], u=record.u[::every], measured=measured)
-
-
 def falls(found: Diagnosis, channel: str) -> float:
     """Return the error on validation data with what is proposed, over that of the model as it was."""
     return found.ladder[-1].validation.channels[channel].rmse / found.ladder[0].validation.channels[channel].rmse
@@ -53,15 +48,8 @@ def over(model: Model, unseen: ModelData, horizon: float) -> float:
     return windowed.rmse
 
 
-@pytest.mark.parametrize("every", [4, pytest.param(1, marks=pytest.mark.long)])
-def test_a_ball_screw_axis_without_its_friction(every):
-    """Published: Coulomb friction of 20.39 N; 5.98 % of the force are left on the record with pulses. At 1 kHz, and at
-    250 Hz.
-    """
-    names = [str(DATA / "emps" / f"DATA_EMPS{name}.csv") for name in ("", "_PULSES")]
-    model, data = load_records(bare(Model.load("emps")), names)
-    known, unseen = (thinned(record, every) for record in data)
-    found = diagnose(model, [known], [unseen])
+def right_of_the_axis(found: Diagnosis, inverse_error: float) -> None:
+    """Published: Coulomb friction of 20.39 N; 5.98 % of the force are left on the record with pulses."""
     status = {e.effect: e.status for e in found.ranking}
     assert [r.effects for r in found.ladder[1:]] == [
         ("coulomb_friction",),
@@ -70,8 +58,23 @@ def test_a_ball_screw_axis_without_its_friction(every):
     assert {status[n] for n in ("stribeck_friction", "dahl_presliding", "lugre_friction")} == {"rejected"}
     assert found.parameters["coulomb_friction.mu"].value == pytest.approx(20.39, rel=0.1)
     assert falls(found, "displacement") < 0.5
-    inverse = compare(found.model, unseen).inverse["force"]
-    assert inverse.relative_error_percent < 1.1 * 5.98
+    assert inverse_error < 1.1 * 5.98
+
+
+@pytest.mark.xdist_group("motor_notebook")  # its cells are run once
+def test_a_ball_screw_axis_without_its_friction_at_200_hz():
+    """The last cell of the notebook is this diagnosis, of tables."""
+    space = cells_run("motor")
+    found = space["measured"]
+    right_of_the_axis(found, compared(found.model, space["unseen"]).inverse["force"].relative_error_percent)
+
+
+@pytest.mark.long
+def test_a_ball_screw_axis_without_its_friction():
+    names = [str(DATA / "emps" / f"DATA_EMPS{name}.csv") for name in ("", "_PULSES")]
+    model, (known, unseen) = load_records(bare(Model.load("emps")), names)
+    found = diagnose(model, [known], [unseen])
+    right_of_the_axis(found, compare(found.model, unseen).inverse["force"].relative_error_percent)
 
 
 @pytest.mark.limit("nothing is named; 47 s")
