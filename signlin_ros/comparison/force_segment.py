@@ -159,7 +159,7 @@ class _Raw:
     def __init__(self, model: Model, data: ModelData) -> None:
         self.model, self.plant, self.step = model, model.plant, float(np.median(np.diff(data.t)))
         t = data.t[0] + self.step * np.arange(int((data.t[-1] - data.t[0]) / self.step + 1e-6) + 1)
-        names = _told(data)
+        names = _well_measured(data)
         self.inertia = inertia(model)
         self.t, self.u = t - t[0], np.column_stack([np.interp(t, data.t, c) for c in data.u.T])
         self.values = {n: np.interp(t, data.t, filled(data.t, corrected(model, data, n))) for n in names}
@@ -242,13 +242,13 @@ def _acting(u: Array, late: float | Array) -> Array:
     return np.convolve(padded, np.array([-1.0, 13.0, 13.0, -1.0]) / 24, "valid")
 
 
-def _told(data: ModelData) -> list[str]:
+def _well_measured(data: ModelData) -> list[str]:
     return [n for n, v in data.measured.items() if np.isfinite(v).sum() > MIN_CHANNEL_SAMPLES]
 
 
 def recorded(model: Model, data: Sequence[ModelData]) -> set[str]:
     """Return the inputs, and what every one of some records measures."""
-    return {*model.inputs, *set.intersection(*(set(_told(d)) for d in data))}
+    return {*model.inputs, *set.intersection(*(set(_well_measured(d)) for d in data))}
 
 
 def tells_force(model: Model, recorded: set[str]) -> bool:

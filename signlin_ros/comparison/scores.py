@@ -46,8 +46,8 @@ def score(measured: Array, predicted: Array, noise: float = 0.0) -> Score | None
 def rated(rmse: float, spread: float, noise: float) -> Score:
     """Return the score of an error, of a measurement with that standard deviation and that noise."""
     fit = 100.0 * (1.0 - rmse / spread) if spread > 0 else None
-    told = noise > 0 and (fit is None or fit >= MIN_FIT_PERCENT or rmse > MIN_ERROR_OVER_NOISE * noise)
-    return Score(rmse, fit, rmse / noise if told else None)
+    comparable = noise > 0 and (fit is None or fit >= MIN_FIT_PERCENT or rmse > MIN_ERROR_OVER_NOISE * noise)
+    return Score(rmse, fit, rmse / noise if comparable else None)
 
 
 def unfollowed(scores: Mapping[str, Score]) -> list[str]:

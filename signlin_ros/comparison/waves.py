@@ -78,8 +78,8 @@ def spectrum(position: Array, missing: Array, left: Array, waves: Sequence[Wave]
 def said(waves: Sequence[Wave], rotary: bool, unit: str, most: int = 3) -> str:
     """Return waves in words: ``12 per turn, 0.0045 N·m; 24 per turn, 0.001 N·m``; on a slide ``every 0.0125 m``."""
     places = [f"{w.order:.4g} per turn" if rotary else f"every {FULL_TURN / w.order:.3g} m" for w in waves[:most]]
-    told = [f"{place}, {w.amplitude:.2g} {unit}" for place, w in zip(places, waves, strict=False)]
-    return "; ".join(told) + (f"; and {len(waves) - most} weaker" if len(waves) > most else "")
+    labels = [f"{place}, {w.amplitude:.2g} {unit}" for place, w in zip(places, waves, strict=False)]
+    return "; ".join(labels) + (f"; and {len(waves) - most} weaker" if len(waves) > most else "")
 
 
 __all__ = ["Spectrum", "Wave", "folded", "said", "spectrum", "waves_of"]

@@ -189,9 +189,9 @@ class EquationErrorResult:
         """Return the laws of a fit, and the model with their values; what forces do not tell, a late sensor too, as in
         ``beside``.
         """
-        told = {*self.regression.names, *scaling(self.regression.current)}
-        untold = set(beside.plant.pars()) - told
-        values = {name: value for name, value in beside.parameters.items() if name in untold}
+        estimated = {*self.regression.names, *scaling(self.regression.current)}
+        others = set(beside.plant.pars()) - estimated
+        values = {name: value for name, value in beside.parameters.items() if name in others}
         names, model = [name for name, _ in fit.members], self.with_laws(fit).with_parameters(values)
         late = beside.effects.get(LATE_SENSOR) if LATE_SENSOR not in self.given.effects else None
         if late is None:

@@ -35,8 +35,8 @@ MAX_SCORE_BLOCKS, MIN_SCORE_BLOCK = 40, 0.25
 """Blocks that a standard error is taken from, and how long each is at least in s."""
 BOUND_TOLERANCE = 1e-6
 """How near a coordinate is to a bound that it is at, in standard units."""
-ODD, UNTOLD = 3.0, 0.95
-"""Tolerances from nominal that are told; part of its tolerance above which a standard error says that nothing shows."""
+ODD, UNIDENTIFIED = 3.0, 0.95
+"""Tolerances from nominal that a note tells; part of its tolerance above which an error says that nothing shows."""
 
 
 class FittedCoordinate(NamedTuple):
@@ -88,8 +88,8 @@ class FittedCoordinate(NamedTuple):
         if self.k.spread < 1.0 and abs(self.prior_deviation) > ODD:
             ratio = float(np.exp(self.deviation)) if self.k.log else None
             return phrases.off_nominal(self.prior_deviation, ratio)
-        untold = self.k.spread < 1.0 and self.std > UNTOLD * self.k.spread
-        return phrases.NOT_EXCITED if untold else ""
+        unidentified = self.k.spread < 1.0 and self.std > UNIDENTIFIED * self.k.spread
+        return phrases.NOT_EXCITED if unidentified else ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,20 +224,20 @@ class FittedModel:
         effect = EFFECTS[self.added[key].type if key in self.added else key.partition(".")[0]]
         if key in self.implausible:
             return phrases.not_real(key)
-        told, where = (*effect.telling, *effect.essential), _orders_and_phases(effect)
+        decisive, where = (*effect.telling, *effect.essential), _orders_and_phases(effect)
         of_key = ((i, one) for i, one in enumerate(self.coordinates) if one.key == key)
         own = {i: one for i, one in of_key if declared_name(one.name) not in where}
-        moving = {i: one for i, one in own.items() if np.isfinite(one.std) or declared_name(one.name) in told}
+        moving = {i: one for i, one in own.items() if np.isfinite(one.std) or declared_name(one.name) in decisive}
         if own and not moving:
             return phrases.unknown(key)
         at: dict[str, int] = {}
         for i, one in moving.items():
             k, name = one.k, declared_name(one.name)
-            if one.at_bound and (name in told or k.log):
+            if one.at_bound and (name in decisive or k.log):
                 return phrases.at_bound(k.name)
             if not k.log or name in effect.neutral or k.name.startswith("sensor_gain"):
                 at[one.name] = i
-            elif one.std > criteria.max_relative_std and (not told or name in told):
+            elif one.std > criteria.max_relative_std and (not decisive or name in decisive):
                 return phrases.vague(k.name)
             elif one.std > 1.0 / criteria.min_coefficient_t and name in effect.telling:
                 return phrases.insignificant(k.name, 1.0 / one.std)
@@ -263,8 +263,8 @@ class FittedModel:
         }
         levels = [i for i, one in own.values() if not one.k.log or one.name in cls.neutral]
         telling = [(n, i) for n, (i, _) in own.items() if declared_name(n) in cls.telling]
-        told: list[tuple[int, ...]] = [(i,) for _, i in telling if i in levels]
-        sizes += [self._joint_t(cls, index) for index in told or ([tuple(levels)] if levels else [])]
+        alone: list[tuple[int, ...]] = [(i,) for _, i in telling if i in levels]
+        sizes += [self._joint_t(cls, index) for index in alone or ([tuple(levels)] if levels else [])]
         sizes += [1.0 / one.std for n, (_, one) in own.items() if n in cls.telling and one.k.log and one.std > 0.0]
         return float(min(sizes))
 
