@@ -1,6 +1,7 @@
 """Machine code for tapes: every operation against NumPy, the cache on disk, threads and processes."""
 
 import os
+import shutil
 import subprocess
 import sys
 import threading
@@ -182,20 +183,27 @@ def test_threads_share_what_is_compiled():
     assert [values(tape, 0.2)[0] for tape in tapes] == [np.cos(0.2) * (0.77 + k) for k in range(15)]
 
 
+@pytest.fixture(scope="module")
+def filled(tmp_path_factory):
+    """A folder that one process has filled."""
+    folder = tmp_path_factory.mktemp("filled")
+    process(folder)
+    assert len(code_files(folder)) == 20
+    return folder
+
+
 @pytest.mark.slow
-def test_cache_is_used_again(tmp_path):
-    process(tmp_path)
-    files = code_files(tmp_path)
+def test_cache_is_used_again(filled):
+    files = code_files(filled)
     times = [file.stat().st_mtime_ns for file in files]
-    assert len(files) == 20
-    process(tmp_path)
-    assert code_files(tmp_path) == files
+    process(filled)
+    assert code_files(filled) == files
     assert [file.stat().st_mtime_ns for file in files] == times
 
 
 @pytest.mark.slow
-def test_damaged_cache_is_written_again(tmp_path):
-    process(tmp_path)
+def test_damaged_cache_is_written_again(filled, tmp_path):
+    shutil.copytree(filled, tmp_path, dirs_exist_ok=True)
     files = code_files(tmp_path)
     whole = [file.read_bytes() for file in files]
     for k, file in enumerate(files):
