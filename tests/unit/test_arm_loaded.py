@@ -27,9 +27,15 @@ def test_records_that_carry_more_are_named_beside_the_lightest():
     assert said.startswith("payload on tool: a.csv 0.4 ± 0.02 kg more than b.csv;")
 
 
+@pytest.fixture(scope="module")
+def bare():
+    """A diagnosis of records in which nobody carries anything."""
+    return diagnose(MODEL, [run("first", 51), run("second", 52)], [run("unseen", 53)], BAND)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("heavy", ["first", "second", "unseen"])
-def test_a_payload_in_one_record_is_weighed_and_nothing_else_is_named(heavy):
+def test_a_payload_in_one_record_is_weighed_and_nothing_else_is_named(heavy, bare):
     masses = {name: 0.8 if name == heavy else 0.0 for name in ("first", "second", "unseen")}
     runs = {name: run(name, seed, mass) for seed, (name, mass) in enumerate(masses.items(), 51)}
     found = diagnose(MODEL, [runs["first"], runs["second"]], [runs["unseen"]], BAND)
@@ -44,7 +50,6 @@ def test_a_payload_in_one_record_is_weighed_and_nothing_else_is_named(heavy):
     centre = MODEL.robot.frame("tool")[2] + np.array([0.05, 0.0, 0.02])
     np.testing.assert_allclose(own[:4], 0.8 * np.array([1.0, *centre]), atol=0.03)
     # what is left beside it is what is left where nobody carries anything, and windows have it, too
-    bare = diagnose(MODEL, [run("first", 51), run("second", 52)], [run("unseen", 53)], BAND)
     assert bare.comparison.study.loaded is None
     assert (found.comparison.matched < 1.5 * bare.estimate.matched_rms).all()
     assert (found.ahead[1].rms < 1.5 * bare.ahead[1].rms).all()

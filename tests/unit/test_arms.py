@@ -59,14 +59,19 @@ def nothing_hidden():
 
 
 @pytest.fixture(scope="module")
+def nothing_found(nothing_hidden):
+    known, unseen = nothing_hidden
+    return diagnose(MODEL, [known], [unseen], BAND)
+
+
+@pytest.fixture(scope="module")
 def loaded_friction():
     truth = TRUE.with_effect("shoulder.load_dependent_friction", kappa_d=0.0, kappa_e=0.12)
     return run(truth, 3), run(truth, 4)
 
 
-def test_nothing_is_named_where_nothing_is_missing(nothing_hidden):
-    known, unseen = nothing_hidden
-    found = diagnose(MODEL, [known], [unseen], BAND)
+def test_nothing_is_named_where_nothing_is_missing(nothing_found):
+    found = nothing_found
     assert named(found) == {}
     assert found.couplings == ()
     assert found.payload == {}
@@ -152,9 +157,8 @@ def test_the_motors_inertia_is_no_part_of_an_effort_behind_its_gear(nothing_hidd
     assert diagnose(sided, [known], [unseen], BAND).proposal.model.value("elbow.motor_inertia") == 0.03
 
 
-def test_what_bodies_that_exist_cost_is_told_where_the_fit_asks_for_others_beyond_doubt(nothing_hidden):
-    known, unseen = nothing_hidden
-    found = diagnose(MODEL, [known], [unseen], BAND)
+def test_what_bodies_that_exist_cost_is_told_where_the_fit_asks_for_others_beyond_doubt(nothing_found):
+    found = nothing_found
     assert bent(found) == []
     estimate, at = found.estimate, found.estimate.design.at("elbow.Ixx")
     theta = estimate.theta.copy()
