@@ -75,6 +75,14 @@ class ValidationTests:
         """Base parameters that end far from nominal, and by how many tolerances."""
         return self.final.far_from_nominal(self.criteria)
 
+    @property
+    def overcompensates(self) -> bool:
+        """Whether a base parameter is far from nominal on either side: on one with the effects, on the other without
+        them. Then no value that it may have goes with them: a base term of the other sign is part of what they imitate.
+        """
+        before = self.base.far_from_nominal(self.criteria)
+        return any(x * before.get(n, 0.0) < 0.0 for n, x in self.far.items())
+
     def same_at_nominal(self) -> bool:
         """Tell whether it is confirmed with what is far held at nominal, beside the base held so, and at its best; of a
         model that leaves noise that fit begins with its values.
@@ -253,8 +261,10 @@ class ValidationTests:
 
     @property
     def within_noise(self) -> bool:
-        """Whether no effect is named, and force and motion are within about the noise, or half a sensor's step."""
-        if self.names or self.percent is None:
+        """Whether no effect is named, and force and motion are within about the noise, or half a sensor's step; what
+        follows from the motion is no noise, however small.
+        """
+        if self.names or self.percent is None or self.depends_on_motion:
             return False
         evidence = self.evidence
         little = self.percent <= evidence.force_noise_percent and evidence.near_noise(self.final)
@@ -280,13 +290,17 @@ class ValidationTests:
         return bool(self.names) and part is not None and part > self.criteria.max_force_mse_left
 
     @property
+    def depends_on_motion(self) -> bool:
+        """Whether the residual of a channel follows from the model's own motion."""
+        most = self.criteria.max_dependent_share
+        return any(one.structured and one.dependent > most for one in self.final.residual_tests)
+
+    @property
     def leaves_more_of_motion(self) -> bool:
         """Whether the force residual is a part of the effort that counts as missing, and the residual of a channel
         follows from the model's own motion: then some other law of the motion is missing.
         """
-        c, tested = self.criteria, self.final.residual_tests
-        large = (self.percent or 0.0) > c.missing_percent
-        return large and any(one.structured and one.dependent > c.max_dependent_share for one in tested)
+        return (self.percent or 0.0) > self.criteria.missing_percent and self.depends_on_motion
 
     @property
     def leaves_structured_channel(self) -> bool:

@@ -74,7 +74,7 @@ def reason_of(tests: ValidationTests, conflict: str = "") -> str:
     | given | the effects gain beside the refitted base, but not surely beside the model as given |
     | once | an effect remembers the way, and an imposed motion turns back once in a record at most |
     | noise | the base errs by no more than the sensors' noise, and the effects take nothing visible away |
-    | far | a base parameter ends far from nominal, and with it held at nominal the effects are not confirmed |
+    | far | a base parameter ends far from nominal; held there the effects are not confirmed, or it crosses with them |
     | structure | more than half of the force (RMS) is left |
     | loop | hysteresis is named, and more than a quarter of the force (RMS) is left |
     | elsewhere | validation data are followed far worse than those of the fit |
@@ -96,7 +96,7 @@ def reason_of(tests: ValidationTests, conflict: str = "") -> str:
         return "once"
     if tests.names and tests.of_noise:
         return "noise"
-    if tests.names and tests.far and not tests.same_at_nominal():
+    if tests.names and tests.far and (tests.overcompensates or not tests.same_at_nominal()):
         return "far"
     if tests.leaves_most or tests.loop:
         return "structure" if tests.leaves_most else "loop"
@@ -110,10 +110,10 @@ def reason_of(tests: ValidationTests, conflict: str = "") -> str:
 def _reason_by_force(tests: ValidationTests) -> str:
     """Return the reason where the force residual is above its noise floor: its size and structure count.
 
-    Without a named effect a residual from `min_missing_share` on must be tested noise, or near the sensors' and white,
-    within theirs where samples are too few to test it; with one, no more than a quarter of the force may be left with
-    structure in the motion, nor that part of the effort where the residual follows from the model's own motion; near
-    the noise it must be white, or the steps of a sensor.
+    Without a named effect it must be white, however small; from `min_missing_share` on tested noise, or near the
+    sensors', within theirs where samples are too few to test it. With one, no more than a quarter of the force may be
+    left with structure in the motion, nor that part of the effort where the residual follows from the model's own
+    motion; near the noise it must be white, or the steps of a sensor.
     """
     final, near = tests.final, tests.evidence.near_noise(tests.final)
     largest = max(tests.percent or 0.0, tests.unpredicted)
@@ -123,7 +123,7 @@ def _reason_by_force(tests: ValidationTests) -> str:
     noise = (final.residual_is_noise and (not large or tests.follows)) or tests.near_white_noise
     seen = (large or tests.flexible.visible) and not noise
     more = tests.leaves_much_force or tests.leaves_more_of_motion or tests.changing or tests.has_idle_law()
-    structured = not final.white and ((near and not tests.of_steps) or more)
+    structured = not final.white and ((near and not tests.of_steps) or more or not tests.names)
     untested = tests.leaves_much_force and tests.leaves_much_motion and not final.residual_is_noise
     return "structure" if seen or structured or untested else ""
 

@@ -1,13 +1,15 @@
 """What a model leaves: is it more than the sensors' noise?
 
 A force that the model lacks is a function of position, velocity, input and time. So the residual is regressed on
-dozens of such functions, each as the observer would have left it, and judged by how well that predicts unseen samples
+dozens of such functions and on the strongest patterns over the position (`patterns`), each as the observer would have
+left it, and judged by how well that predicts unseen samples
 [Stone, J. R. Stat. Soc. B 36 (1974) 111; residuals and functions of what is known: Billings and Voon, Int. J. Control
 44 (1986) 235].
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil
 
@@ -18,6 +20,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 from signlin_ros.comparison.residuals import colours
 from signlin_ros.diagnosis.blocks import MIN_DIVISOR
 from signlin_ros.diagnosis.criteria import Criteria
+from signlin_ros.diagnosis.output_error import patterns
 from signlin_ros.fitting.fit import Fit, fit
 from signlin_ros.fitting.following import follow_records
 from signlin_ros.fitting.gains import ObserverGains
@@ -40,6 +43,40 @@ FADING_SPEEDS = (0.1, 0.03)
 ABOUT, NEAR_ALL = 0.9, 0.99
 """Part of the sensor's variance from which on a residual is about as large: far less, and that noise is overrated; part
 of a response that counts as nearly all of it."""
+
+
+@dataclass(frozen=True)
+class Regression:
+    """A residual (T, ny) in units of the noise, and functions (T, ny, k) of the motion that may predict it; ``fold``
+    (T,): which part a sample is left out with, ``used`` (folds, k): which functions predict that part, the first
+    ``plain`` of them always, the others are patterns over the position.
+    """
+
+    functions: Array
+    residual: Array
+    fold: NDArray[np.int_]
+    used: NDArray[np.bool_]
+    plain: int
+
+    def predicted(self) -> tuple[Array, Array]:
+        """Return which share (ny) of the squared residual is predicted in parts that are left out: by the plain
+        functions, and by all.
+        """
+        Z, y, fold = self.functions, self.residual, self.fold
+        parts = [(Z[fold == i], y[fold == i]) for i in range(len(self.used))]
+        grams = np.array([z.T @ z for z in (z.reshape(-1, z.shape[2]) for z, _ in parts)])
+        sides = np.array([z.reshape(-1, z.shape[2]).T @ e.ravel() for z, e in parts])
+        gram, side = grams.sum(axis=0), sides.sum(axis=0)
+        scale, found = np.sqrt(np.maximum(np.diag(gram), MIN_DIVISOR)), []
+        for most in (self.plain, Z.shape[2]):
+            left = np.zeros(y.shape[1])
+            for i, (z, e) in enumerate(parts):
+                at = np.flatnonzero(self.used[i, :most])
+                rest = (gram - grams[i])[np.ix_(at, at)] / np.outer(scale[at], scale[at])
+                beta = np.linalg.solve(rest + TEST_RIDGE * np.eye(at.size), (side - sides[i])[at] / scale[at])
+                left += np.sum((e - z[:, :, at] @ (beta / scale[at])) ** 2, axis=0)
+            found.append(np.asarray(1.0 - left / np.maximum(np.sum(y**2, axis=0), MIN_DIVISOR)))
+        return found[0], found[1]
 
 
 @dataclass(frozen=True)
@@ -66,7 +103,7 @@ def residual_tests(problem: Problem, f: Fit, criteria: Criteria) -> tuple[Residu
     slow = f if f.gains is lowest else fit(problem, f.candidate, lowest, f.theta, 0)
     f, lost = slow or f, slow is None
     result: list[ResidualStructure] = []
-    found, shares = colours(f.innovations, problem.noise), dependence(problem, f).tolist()
+    found, shares = colours(f.innovations, problem.noise), dependence(problem, f, criteria).tolist()
     for channel, one, share, noise in zip(problem.channels, found, shares, problem.noise.tolist(), strict=True):
         over = float(np.sqrt(one.variance) / noise)
         noisy = ABOUT < over**2 < 1.0 + criteria.max_dependent_share
@@ -76,10 +113,11 @@ def residual_tests(problem: Problem, f: Fit, criteria: Criteria) -> tuple[Residu
     return tuple(result)
 
 
-def dependence(problem: Problem, f: Fit) -> Array:
+def dependence(problem: Problem, f: Fit, criteria: Criteria) -> Array:
     """Return which share (ny) of the squared residual of a fit follows from its own motion, on samples left out; NaN
     where these are too few to tell, 0 of a model that an extended Kalman filter follows, whose gain changes. Where an
-    inertia is moved, with the slowest observer whose response is short beside the parts that are left out.
+    inertia is moved, with the slowest observer whose response is short beside the parts that are left out. Patterns
+    over the position count if they predict a share of it that counts by itself.
     """
     none, samples, c = np.zeros(len(problem.channels)), problem.samples, f.candidate
     if c.filtered:
@@ -92,34 +130,67 @@ def dependence(problem: Problem, f: Fit) -> Array:
         sizes = [(max(least, ceil(LENGTHS * _length(r))), r, gains) for r, gains in seen]
         looks = [one for one in sizes if 2 * CROSS_VALIDATION_FOLDS * one[0] <= samples]
         looks += [one for one in sizes[-1:] if MIN_FOLDS * one[0] <= samples]
-    found = _regressors(problem, f, *looks[0]) if looks else None
-    if found is None or found[1].size < MIN_SAMPLES_PER_FUNCTION * found[0].shape[2]:
+    found = _regression(problem, f, *looks[0]) if looks else None
+    if found is None or found.residual.size < MIN_SAMPLES_PER_FUNCTION * int(found.used.sum(axis=1).max()):
         return none + np.nan
-    return _predicted(found[0], found[1], found[2] % min(CROSS_VALIDATION_FOLDS, int(found[2].max()) + 1))
+    plain, whole = found.predicted()
+    return np.where(whole - plain > criteria.max_dependent_share, whole, plain)
 
 
-def _regressors(
-    problem: Problem, f: Fit, block: int, seen: Array | None, gains: ObserverGains
-) -> tuple[Array, Array, NDArray[np.int_]] | None:
-    """Return functions (T, ny, k) of a fit's motion as an observer leaves them, its residual (T, ny) in units of the
-    noise, and the number (T,) of the block that a sample is in; None where the motion is lost.
+def _regression(problem: Problem, f: Fit, block: int, seen: Array | None, gains: ObserverGains) -> Regression | None:
+    """Return functions of a fit's motion as an observer leaves them, and its residual; ``block``: samples that are left
+    out together. None where the motion is lost.
     """
-    run = follow_records(problem, f.candidate.started_for(f.gains.tau), f.theta, gains, False)
+    run = follow_records(problem, f.candidate.started_for(gains.tau), f.theta, gains, False)
     if run is None:
         return None
     used = min(1.0, MAX_TESTED_SAMPLES / max(problem.samples, 1))
+    known = [whole[: ceil(used * len(whole))] for whole in run[0]]
     motions = [_motion(problem, f, s, X) for s, X in zip(problem.segments, run[2], strict=True)]
     largest = np.maximum([np.max([np.abs(m[i]).max() for m in motions]) for i in range(3)], MIN_DIVISOR)
-    features, residuals, blocks, done = [], [], [], 0
-    for whole, motion in zip(run[0], motions, strict=True):
-        e = whole[: ceil(used * len(whole))]
-        known = np.isfinite(e)
-        q, v, u = (m[: len(e)] / size for m, size in zip(motion, largest, strict=True))
-        features.append(np.where(known[:, :, None], _as_left(_functions(q, v, u), seen, *e.shape), 0.0))
-        residuals.append(np.where(known, e / problem.noise, 0.0))
-        blocks.append(np.arange(len(e)) // block + done)
-        done += len(e) // block + 1
-    return np.concatenate(features), np.concatenate(residuals), np.concatenate(blocks)
+    tested = [tuple(m[: len(e)] for m in motion) for motion, e in zip(motions, known, strict=True)]
+    residuals = [np.where(np.isfinite(e), e / problem.noise, 0.0) for e in known]
+    fold = _folds([len(e) for e in known], block)
+    chosen = _patterns(problem, f, [(q, v / largest[1]) for q, v, _ in tested], residuals, seen, fold)
+    every = sorted({one for own in chosen for one in own})
+    features = []
+    for e, (q, v, u) in zip(known, tested, strict=True):
+        plain = _functions(q / largest[0], v / largest[1], u / largest[2])
+        left = _as_left(np.hstack([plain, patterns.functions(every, q, v / largest[1])]), seen, *e.shape)
+        features.append(np.where(np.isfinite(e)[:, :, None], left, 0.0))
+    count = features[0].shape[2] - 2 * len(every)
+    of_fold = [[True] * count + [one in own for one in every for _ in range(2)] for own in chosen]
+    return Regression(np.concatenate(features), np.concatenate(residuals), fold, np.array(of_fold), count)
+
+
+def _folds(samples: Sequence[int], block: int) -> NDArray[np.int_]:
+    """Return for every sample (T,) of stretches of so many ``samples`` the number of the part it is left out with."""
+    numbers, done = [], 0
+    for count in samples:
+        numbers.append(np.arange(count) // block + done)
+        done += count // block + 1
+    every = np.concatenate(numbers)
+    return np.asarray(every % min(CROSS_VALIDATION_FOLDS, int(every.max()) + 1))
+
+
+def _patterns(
+    problem: Problem,
+    f: Fit,
+    motions: Sequence[tuple[Array, Array]],
+    residuals: Sequence[Array],
+    seen: Array | None,
+    fold: NDArray[np.int_],
+) -> list[list[patterns.Pattern]]:
+    """Return which patterns over the position predict each fold; none of a model that has waves itself, or without an
+    inertia.
+    """
+    if seen is None or patterns.has_waves(f.candidate.model):
+        return [[] for _ in range(int(fold.max()) + 1)]
+    ends = np.cumsum([len(e) for e in residuals])
+    places = np.concatenate([one[: len(e) - 1] for one, e in zip(np.split(fold, ends[:-1]), residuals, strict=True)])
+    q, v = (np.concatenate([m[i][: len(e) - 1] for m, e in zip(motions, residuals, strict=True)]) for i in range(2))
+    force = np.concatenate([patterns.force_left(e, seen) for e in residuals])
+    return patterns.strongest(problem, q, v, force, places)
 
 
 def _length(response: Array) -> int:
@@ -161,20 +232,6 @@ def _as_left(functions: Array, seen: Array | None, samples: int, channels: int) 
     found = np.zeros((samples, channels, functions.shape[1]))
     found[1:] = irfft(spectra, size, axis=0)[: samples - 1]
     return found
-
-
-def _predicted(Z: Array, y: Array, fold: NDArray[np.int_]) -> Array:
-    """Return which share (ny) of the squares of y (T, ny) a regression on Z (T, ny, k) predicts in folds left out."""
-    folds = int(fold.max()) + 1
-    parts = [(Z[fold == i].reshape(-1, Z.shape[2]), y[fold == i].ravel()) for i in range(folds)]
-    grams, sides = np.array([z.T @ z for z, _ in parts]), np.array([z.T @ e for z, e in parts])
-    gram, side, left = grams.sum(axis=0), sides.sum(axis=0), np.zeros(y.shape[1])
-    scale = np.sqrt(np.maximum(np.diag(gram), MIN_DIVISOR))
-    for i in range(folds):
-        rest = (gram - grams[i]) / np.outer(scale, scale) + TEST_RIDGE * np.eye(scale.size)
-        beta = np.linalg.solve(rest, (side - sides[i]) / scale) / scale
-        left += np.sum((y[fold == i] - Z[fold == i] @ beta) ** 2, axis=0)
-    return np.asarray(1.0 - left / np.maximum(np.sum(y**2, axis=0), MIN_DIVISOR))
 
 
 __all__ = ["ResidualStructure", "dependence", "residual_tests"]

@@ -57,6 +57,11 @@ def too_little(what: str, why: str) -> str:
     return f"Too little was recorded to tell what is missing: {what}, but {why}"
 
 
+def not_told(name: str, why: str) -> str:
+    """Return which effect would explain the records, and why they do not tell it from something else."""
+    return f"What is missing cannot be told: {listed([name])} would leave nothing but noise, but {why}"
+
+
 UNTESTED = (
     "Too little was recorded to tell whether something is missing: samples are too few to test that what is left is "
     "noise"

@@ -160,7 +160,7 @@ def _unsure(evidence: Evidence, verdict: Verdict) -> str:
     motion, c, found = evidence.output_error, evidence.criteria, dict[str, float]()
     if whole := evidence.unidentified(verdict.final):
         name, why = next(iter(whole.items()))
-        return phrases.too_little(f"{listed([name])} would leave nothing but noise", why)
+        return phrases.not_told(name, why)
     for f in sorted(evidence.single_effect_fits, key=lambda f: f.n_parameters):
         g = motion.improvement(verdict.base, f)
         certainty = motion.t_ratio(verdict.base, f)
