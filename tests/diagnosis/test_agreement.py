@@ -419,6 +419,17 @@ def test_what_is_found_with_a_far_parameter_held_at_nominal_too_is_missing(monke
     assert found.sentence.startswith("Check this first: c ends 5.1 tolerances")
 
 
+@pytest.mark.parametrize(("without", "label"), [(5.1, "unexplained"), (4.9, "missing"), (-5.1, "missing")])
+def test_a_base_that_crosses_to_the_other_side_of_nominal_confirms_nothing(without, label, monkeypatch):
+    """A resistance that is negative at small speed was called cubic viscous friction, with a viscosity that ended 15
+    tolerances below what was known, and without it 26 above.
+    """
+    monkeypatch.setattr(ValidationTests, "same_at_nominal", lambda t: True)
+    base = Fit((), BASE.rms, BASE.force, away={"c": without})
+    found = judged(Fit(("coulomb_friction",), (0.5,), 0.4, away={"c": -5.1}), base, force=sees())
+    assert found.label == label
+
+
 @pytest.mark.parametrize(("force", "why"), [(0.45 * EFFORT, ""), (0.55 * EFFORT, "structure")])
 def test_what_leaves_most_of_the_effort_explains_a_part(force, why):
     """A weight that was called two springs: the missing force falls from 278 % of the effort to 77.9 %."""
@@ -722,10 +733,19 @@ def test_a_large_force_that_nothing_takes_away_is_not_adequate():
     assert judged(odd, odd, equation_error_stub(*LAWS)).label == "unexplained"
 
 
-@pytest.mark.parametrize(("rms", "verdict"), [(0.04 * SPREAD, "adequate"), (0.06 * SPREAD, "unexplained")])
-def test_a_motion_that_is_followed_badly_is_not_adequate_for_its_little_force(rms, verdict):
-    """A motor in steps: 2 % of the effort left, and its speed errs by ten times its sensor's noise, a tenth of it."""
-    odd = Fit((), (rms,), 0.03 * EFFORT)
+@pytest.mark.parametrize(
+    ("rms", "white", "verdict"),
+    [
+        (0.04 * SPREAD, True, "adequate"),
+        (0.04 * SPREAD, False, "unexplained"),
+        (0.06 * SPREAD, False, "unexplained"),
+    ],
+)
+def test_a_motion_that_is_followed_badly_is_not_adequate_for_its_little_force(rms, white, verdict):
+    """A motor in steps: 2 % of the effort left, and its speed errs by ten times its sensor's noise, a tenth of it. A
+    vibrating mass: 4 % of the effort, and its place errs by nine times that noise, with structure.
+    """
+    odd = Fit((), (rms,), 0.03 * EFFORT, white=white)
     assert judged(odd, odd, equation_error_stub(*LAWS)).label == verdict
 
 

@@ -21,14 +21,16 @@ DT, SAMPLES, NOISE = 1 / 600.0, 5000, 2.5e-6
 """A resonance at 73 Hz, eight samples in each of its periods."""
 
 
-def shaken(spring: Callable[[float], float], seed: int) -> ModelData:
-    """Return a record of an oscillator under a noisy force with one more spring (N over m): fixed steps of RK4."""
+def shaken(spring: Callable[[float], float], seed: int, drag: Callable[[float], float] = lambda q: 0.0) -> ModelData:
+    """Return a record of an oscillator under a noisy force with one more spring (N over m), and a viscosity (N s/m)
+    over the position: fixed steps of RK4.
+    """
     rng = np.random.default_rng(seed)
     u = 1.4 * lfilter(*butter(2, 200.0 * 2 * DT), rng.normal(size=SAMPLES)) * np.linspace(0.3, 1.0, SAMPLES)
     p, h, steps = RINGING.parameters, DT / 6, 6
 
     def rates(q: float, v: float, force: float) -> tuple[float, float]:
-        return v, (force - p["c"] * v - p["k"] * q + spring(q)) / p["m"]
+        return v, (force - (p["c"] + drag(q)) * v - p["k"] * q + spring(q)) / p["m"]
 
     q, v, found = 0.0, 0.0, np.zeros(SAMPLES)
     for i in range(SAMPLES):
@@ -58,6 +60,17 @@ def test_a_right_model_leaves_what_nothing_predicts():
 
 def test_a_square_is_seen_in_what_looks_white():
     assert share(shaken(lambda q: -2.7e5 * q * q, 2)) > 10 * DEFAULT_CRITERIA.max_dependent_share
+
+
+def test_a_viscosity_that_repeats_over_the_position_is_seen():
+    """It was called viscous friction: what was left of it looked white, since the wave is quicker than any power of the
+    position.
+    """
+    record = shaken(lambda q: 0.0, 7)
+    order = 12 * np.pi / float(np.ptp(record.measured["displacement"]))
+    assert share(record) < DEFAULT_CRITERIA.max_dependent_share / 2
+    patterned = shaken(lambda q: 0.0, 7, lambda q: 0.9 * RINGING.parameters["c"] * np.sin(order * q + 1.0))
+    assert share(patterned) > 2 * DEFAULT_CRITERIA.max_dependent_share
 
 
 def test_a_spring_that_is_stiffer_one_way_is_named():
