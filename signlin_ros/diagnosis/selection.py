@@ -16,6 +16,7 @@
 | `Evidence.with_better_values` | always | the same effects, with parameters of the motion or of the force |
 | `Evidence.unidentified` | of a law that leaves but noise the records hold too little | the base: no other is told |
 | `fit_sensor_errors` | the motion is imposed | the same; what ties with its laws is known |
+| `fit_ties` | forces do not tell a law from another | the same; what the motion says of the other is known |
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ from signlin_ros.diagnosis.preference import (
     sufficient_law,
 )
 from signlin_ros.diagnosis.results import listed
-from signlin_ros.diagnosis.single_laws import fit_alternatives, fit_sensor_errors, search_single_laws
+from signlin_ros.diagnosis.single_laws import fit_alternatives, fit_sensor_errors, fit_ties, search_single_laws
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import SignlinError
 
@@ -86,6 +87,7 @@ def select_model(evidence: Evidence) -> Selection:
     if proposal.implausible or (not evidence.explains_to_noise(proposal) and evidence.unidentified(proposal)):
         proposal = evidence.base
     fit_sensor_errors(evidence, proposal)
+    fit_ties(evidence, proposal)
     return Selection(proposal, "" if other else conflict)
 
 

@@ -73,6 +73,23 @@ def fit_sensor_errors(evidence: Evidence, proposal: FittedModel) -> None:
                 evidence.cache.keep(evidence.output_error.fitted([*rest, name], proposal.model))
 
 
+def fit_ties(evidence: Evidence, proposal: FittedModel) -> None:
+    """Fit the laws by simulation that forces do not tell from one of a proposal, each in its place, from what the force
+    shows of it: below their cut-off forces may look alike that the motion tells apart.
+    """
+    force = evidence.equation_error
+    if force is None or set(force.effects) != set(proposal.effects):
+        return
+    for effect, ties in force.ties.items():
+        for found in force.replacements[effect]:
+            names = tuple(n for n in ties if n in found.names and n in evidence.output_error.candidates)
+            with contextlib.suppress(InputError):  # the motion that it makes diverges
+                for name in names:
+                    rest = [n for n in proposal.effects if n != effect]
+                    evidence.cache.keep(evidence.output_error.fitted([*rest, name], force.with_laws(found)))
+                    evidence.output_error.progress.check()
+
+
 def fit_released(evidence: Evidence, proposal: FittedModel) -> list[FittedModel]:
     """Return the best single effect, and a proposal, with base parameters free that were held at what forces tell of
     them, where that leaves noise: forces were read beside the law that they found first.
@@ -99,5 +116,6 @@ __all__ = [
     "fit_families",
     "fit_released",
     "fit_sensor_errors",
+    "fit_ties",
     "search_single_laws",
 ]

@@ -125,14 +125,17 @@ def _applies(evidence: Evidence, name: str) -> bool:
 
 
 def _ties(evidence: Evidence, verdict: Verdict, effect: str) -> tuple[str, ...]:
-    """Return effects that are as good in the place of one, by force or motion, refused by neither."""
-    force, rest, found = evidence.equation_error, set(verdict.names) - {effect}, set[str]()
+    """Return effects that are as good in the place of one, by force or motion, refused by neither and not surely worse
+    by the motion.
+    """
+    force, motion, rest = evidence.equation_error, evidence.output_error, set(verdict.names) - {effect}
+    found = set[str]()
     if force and set(force.effects) == set(verdict.names):
         found |= set(force.ties[effect])
     for f in evidence.cache.weighed:
         if not (rest < set(f.effects) and len(f.effects) == len(verdict.names) and effect not in f.effects):
             continue
-        if evidence.output_error.refusal(verdict.base, f):
+        if motion.refusal(verdict.base, f) or not motion.refusal(f, verdict.final):
             found -= set(f.effects)
         elif evidence.force_rises(verdict.final, f) or (
             not evidence.dataset.plant.motion_is_imposed()
@@ -140,7 +143,7 @@ def _ties(evidence: Evidence, verdict: Verdict, effect: str) -> tuple[str, ...]:
             and evidence.explains_force(verdict.final)
         ):
             continue
-        elif evidence.output_error.as_good(verdict.final, f) and evidence.output_error.refusal(f, verdict.final):
+        elif motion.as_good(verdict.final, f):
             found |= set(f.effects) - rest
     return tuple(sorted(found - set(verdict.names)))
 

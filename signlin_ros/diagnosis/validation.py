@@ -262,9 +262,10 @@ class ValidationTests:
     @property
     def within_noise(self) -> bool:
         """Whether no effect is named, and force and motion are within about the noise, or half a sensor's step; what
-        follows from the motion is no noise, however small.
+        follows from the motion is no noise, however small, unless that is imposed: then it is known with noise.
         """
-        if self.names or self.percent is None or self.depends_on_motion:
+        follows = self.depends_on_motion and not self.dataset.plant.motion_is_imposed()
+        if self.names or self.percent is None or follows:
             return False
         evidence = self.evidence
         little = self.percent <= evidence.force_noise_percent and evidence.near_noise(self.final)
