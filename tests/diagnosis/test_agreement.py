@@ -419,6 +419,15 @@ def test_what_is_found_with_a_far_parameter_held_at_nominal_too_is_missing(monke
     assert found.sentence.startswith("Check this first: c ends 5.1 tolerances")
 
 
+@pytest.mark.parametrize(("rms", "ties"), [(0.5, ("dahl_presliding",)), (0.9, ())])
+def test_laws_that_only_forces_do_not_tell_apart_are_no_tie(rms, ties):
+    """Coulomb friction was told with three richer laws that forces below a cut-off did not tell from it."""
+    other, force = Fit(("dahl_presliding",), (rms,), 0.4), sees()
+    force.ties = {"coulomb_friction": ("dahl_presliding",)}
+    w = both(Asking(BASE), force, BASE, COULOMB, other, tried=[COULOMB, other])
+    assert summary._ties(w, verdict_of(w, Selection(COULOMB)), "coulomb_friction") == ties
+
+
 @pytest.mark.parametrize(("without", "label"), [(5.1, "unexplained"), (4.9, "missing"), (-5.1, "missing")])
 def test_a_base_that_crosses_to_the_other_side_of_nominal_confirms_nothing(without, label, monkeypatch):
     """A resistance that is negative at small speed was called cubic viscous friction, with a viscosity that ended 15
