@@ -16,7 +16,7 @@ from scipy.fft import next_fast_len, rfft
 from scipy.signal import fftconvolve
 
 from signlin_ros.diagnosis.blocks import MIN_DIVISOR
-from signlin_ros.effects import EFFECTS
+from signlin_ros.effects import find_effect
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.fitting.scan import finest, whole_orders
 from signlin_ros.model import Model
@@ -52,7 +52,7 @@ def functions(patterns: Sequence[Pattern], q: Array, v: Array) -> Array:
 
 def has_waves(model: Model) -> bool:
     """Tell whether a model has waves over the position: what these leave has waves, too, and tells of no other law."""
-    return any(EFFECTS[use.type].waves(use.parameters) for use in model.effects.values())
+    return any(find_effect(use.type, "effects").waves(use.parameters) for use in model.effects.values())
 
 
 def force_left(left: Array, response: Array) -> Array:
@@ -77,7 +77,8 @@ def strongest(problem: Problem, q: Array, v: Array, force: Array, fold: NDArray[
     place = np.minimum(((q - q.min()) / span * bins).astype(int), bins - 1) + bins * fold
     orders = 2 * np.pi * np.arange(size // 2 + 1) * bins / (span * size)
     lines = whole_orders(problem, highest)
-    tried = lines[lines >= least] if lines.size else orders[(orders >= least) & (orders <= highest)]
+    tried = lines if lines.size else orders[orders <= highest]
+    tried = tried[(tried >= least) & (tried <= orders[-1])]
     found: list[list[Pattern]] = [[] for _ in range(folds)]
     for level, size_of in enumerate(levels(v).T if tried.size else ()):
         parts = np.bincount(place, weights=force * size_of, minlength=folds * bins).reshape(folds, bins)
