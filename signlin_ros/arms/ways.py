@@ -31,10 +31,13 @@ def asked(runs: Sequence[ArmRun]) -> float:
     return usual if usual > max(run.step for run in runs) else 0.0
 
 
-def lateness(design: FitDesign, rows: RegressionRows, most: float) -> float:
-    """Return by how many s, up to the ``most``, the efforts of some rows are later than their positions."""
+def lateness(design: FitDesign, rows: RegressionRows, most: float, before: float = 0.0) -> float:
+    """Return by how many s, up to the ``most``, the efforts of some rows were recorded later than their positions.
+
+    before : by how many s they were put in time already.
+    """
     delays = np.linspace(0.0, most, STEPS + 1)
-    left = np.array([_left(design, rows, delay) for delay in delays])
+    left = np.array([_left(design, rows, delay - before) for delay in delays])
     k = int(np.argmin(left))
     if not 0 < k < STEPS:
         return float(delays[k])
@@ -50,10 +53,15 @@ def _left(design: FitDesign, rows: RegressionRows, delay: float) -> float:
     return float(np.sum(rows.counts[seen] * np.log(np.maximum(rms[seen], 1e-300))))
 
 
+def put_in_time(runs: Sequence[ArmRun]) -> float:
+    """Return by how many s the efforts of some runs were put in time with their positions."""
+    return max((run.late for run in runs if run.late is not None), default=0.0)
+
+
 def in_effort_time(runs: Sequence[ArmRun], delay: float) -> list[ArmRun]:
     """Return runs whose efforts are put in time with their positions, those with lags by a delay in s."""
     n = runs[0].q.shape[1]
     return [run if run.lags is None else replace(shifted(run, np.full(n, delay)), late=delay) for run in runs]
 
 
-__all__ = ["asked", "in_effort_time", "lateness"]
+__all__ = ["asked", "in_effort_time", "lateness", "put_in_time"]
