@@ -219,7 +219,7 @@ class RegressionRows:
         return other
 
     def with_efforts(self, delays: Array | float) -> RegressionRows:
-        """Return the same rows with the efforts that are recorded later by one delay in s, or one of each joint (n,)."""
+        """Return the same rows with efforts that are recorded later by one delay in s, or by one of each joint (n,)."""
         other = copy(self)
         late = [(piece, piece.efforts(delays)) for piece in self.pieces]
         other.y = np.concatenate([tau[p.moving[:, i], i] for p, tau in late for i in range(self.n)])

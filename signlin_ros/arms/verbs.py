@@ -153,9 +153,9 @@ def _in_effort_time(found: Study, recorded: Runs) -> Study:
     most = asked(recorded[0])
     if not most:
         return found
-    state, before = found.state(), put_in_time(found.runs[0])
-    delay = lateness(state.design(state.loads(None)), found.rows, most, before)
-    again = study(found.model, *(in_effort_time(runs, delay) for runs in recorded), found.band)
+    delay = lateness(found.state(), most, put_in_time(found.runs[0]))
+    known, unseen = (in_effort_time(runs, delay) for runs in recorded)
+    again = study(found.model, known, unseen, found.band)
     return again if found.settling is None else again.with_settling(found.settling)
 
 
