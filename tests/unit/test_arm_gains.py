@@ -13,7 +13,7 @@ from signlin_ros.arms.fit import FitDesign, fit
 from signlin_ros.arms.keys import DELAY, GAIN, Key, SearchResult
 from signlin_ros.arms.piece import RegressionRows
 from signlin_ros.arms.rivals import rivals_left
-from signlin_ros.arms.search import Promise, there_beside, stands
+from signlin_ros.arms.search import Promise, stands, there_beside
 from signlin_ros.cli import main
 from signlin_ros.model import Model
 from tests.arm_records import record, small, written
