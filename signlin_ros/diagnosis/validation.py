@@ -83,6 +83,17 @@ class ValidationTests:
         before = self.base.far_from_nominal(self.criteria)
         return any(x * before.get(n, 0.0) < 0.0 for n, x in self.far.items())
 
+    @property
+    def holds_a_part(self) -> bool:
+        """Whether nominal values hold a part of what is missing, as those do that were fitted without it: parameters
+        that are far with the effects are not without them, and the motion shows about the sensors' noise beside the
+        effects, which tests find to be noise, or the force too.
+        """
+        if self.far.keys() & self.base.far_from_nominal(self.criteria).keys():
+            return False
+        shows = not self.force_told or self.evidence.force_shows(self.final)
+        return self.evidence.near_any_noise(self.final) and (self.final.residual_is_noise or not shows)
+
     def same_at_nominal(self) -> bool:
         """Tell whether it is confirmed with what is far held at nominal, beside the base held so, and at its best; of a
         model that leaves noise that fit begins with its values.

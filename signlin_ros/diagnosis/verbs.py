@@ -12,6 +12,7 @@
 | noise of inputs | `with_inputs_as_recorded` | `Evidence` and `Selection`, if noise of inputs acts and hid a law |
 | verdict | `verdict_of` | `Verdict`: `reason_of` says which test on validation data fails, if one does |
 | rivals | `discriminated` | the `Selection` between rivals of a planned experiment, where some are given |
+| tolerance | `with_wider_tolerance` | both with base parameters known less well, if nothing is explained else |
 | pruning | `without_untold`, `without_rounding`, `without_idle` | the `Verdict` on less: what is not decided on, is
   an offset within a sensor's step, or tells nothing goes |
 | report | `summary_of` | `Diagnosis`: values, tables and sentences |
@@ -44,6 +45,7 @@ from signlin_ros.diagnosis.selection import Selection, select_model
 from signlin_ros.diagnosis.summary import summary_of
 from signlin_ros.diagnosis.unheld_base import with_base_unheld
 from signlin_ros.diagnosis.verdict import verdict_of
+from signlin_ros.diagnosis.wider_tolerance import with_wider_tolerance
 from signlin_ros.diagnosis.wording import phrases
 from signlin_ros.model import Model
 from signlin_ros.threads import one_thread
@@ -82,7 +84,10 @@ def diagnose(
     if rivals:
         watched.say(phrases.PLANNED_RIVALS)
         selection = discriminated(evidence, selection, refitted(evidence, rivals))
-    verdict = without_rounding(evidence, without_untold(evidence, verdict_of(evidence, selection)))
+    verdict = verdict_of(evidence, selection)
+    wider = with_wider_tolerance(evidence, verdict, lambda known_less: dataset_of(known_less, data, validation))
+    evidence, verdict = wider or (evidence, verdict)
+    verdict = without_rounding(evidence, without_untold(evidence, verdict))
     return summary_of(evidence, without_idle(evidence, verdict))
 
 

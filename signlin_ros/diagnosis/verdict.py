@@ -24,8 +24,9 @@ class Verdict:
       the spread of an imposed motion's force); ``flexible``, what a flexible curve makes of it; ``changing``, which
       force changes slowly along the records; ``loop``, the hysteresis that explains a part; ``alone``, that no other
       law takes it away.
-    - Of its parameters and gain: ``far``, base parameters far from nominal and by how many tolerances; ``worse``, what
-      rises; ``beside_given``, standard errors of its gain beside the model as given.
+    - Of its parameters and gain: ``far``, base parameters far from nominal and by how many tolerances;
+      ``holds_a_part``, that these values hold a part of what is missing; ``worse``, what rises; ``beside_given``,
+      standard errors of its gain beside the model as given.
     - Fits beside it: ``steps`` from the base to it, ``without`` each of its effects, and ``sampled``, with inputs
       sampled from what goes on in between, where that is surely better.
     """
@@ -49,6 +50,7 @@ class Verdict:
     worse: str = ""
     beside_given: float = 0.0
     sampled: FittedModel | None = None
+    holds_a_part: bool = False
 
     @property
     def final(self) -> FittedModel:
@@ -74,7 +76,8 @@ def reason_of(tests: ValidationTests, conflict: str = "") -> str:
     | given | the effects gain beside the refitted base, but not surely beside the model as given |
     | once | an effect remembers the way, and an imposed motion turns back once in a record at most |
     | noise | the base errs by no more than the sensors' noise, and the effects take nothing visible away |
-    | far | a base parameter ends far from nominal; held there the effects are not confirmed, or it crosses with them |
+    | far | a base parameter ends far from nominal: held there the effects are not confirmed (a nominal value that was
+      fitted without them holds a part of them, where about noise is left), or it crosses with them |
     | structure | more than half of the force (RMS) is left |
     | loop | hysteresis is named, and more than a quarter of the force (RMS) is left |
     | elsewhere | validation data are followed far worse than those of the fit |
@@ -96,7 +99,8 @@ def reason_of(tests: ValidationTests, conflict: str = "") -> str:
         return "once"
     if tests.names and tests.of_noise:
         return "noise"
-    if tests.names and tests.far and (tests.overcompensates or not tests.same_at_nominal()):
+    far = tests.names and tests.far
+    if far and (tests.overcompensates or not (tests.holds_a_part or tests.same_at_nominal())):
         return "far"
     if tests.leaves_most or tests.loop:
         return "structure" if tests.leaves_most else "loop"
@@ -175,6 +179,7 @@ def verdict_of(evidence: Evidence, selection: Selection) -> Verdict:
         worse=tests.worse() if reason == "worse" else "",
         beside_given=tests.beside_given,
         sampled=sampled,
+        holds_a_part=bool(tests.far) and tests.holds_a_part,
     )
 
 

@@ -38,5 +38,10 @@ class AsymmetricStiffness(Effect):
     def simpler(cls, p: Mapping[str, float]) -> dict[str, dict[str, float]]:
         return {"cubic_stiffness": {"k3": p["k3"]}} if p["k2"] == 0.0 else {}
 
+    @classmethod
+    def is_met(cls, p: Mapping[str, float], low: float, high: float) -> bool:
+        """Far from position zero it is a spring and a load: the way must be half as long as the farthest position."""
+        return high - low >= 0.5 * max(abs(low), abs(high))
+
     def force(self, m: Any, x: Any, p: Any) -> Any:
         return -p.k2 * x.position**2 - p.k3 * x.position**3

@@ -63,7 +63,8 @@ def _later(late: float, record: ModelData) -> ModelData:
 
 
 def restored(model: Model, given: Model) -> Model:
-    """Return a fitted model with the time constants of the given one that records told nothing of."""
+    """Return a fitted model with the tolerance of the given one, and its time constants that no record told of."""
+    model = model.with_options(tolerance=given.tolerance)
     names = [n for n in model.plant.settling_times(given.parameters) if n in model.frozen and n not in given.frozen]
     left = tuple(n for n in model.frozen if n not in names)
     return model.with_parameters({n: given.parameters[n] for n in names}).with_options(frozen=left) if names else model

@@ -18,6 +18,7 @@ MANY_MINIMA = "effects with many local minima"
 MOTION = "motion"
 MOTION_WITH_FORCE = "motion with what the force shows"
 PLANNED_RIVALS = "rivals of the plan"
+WIDER_TOLERANCE = "base parameters known less well"
 
 
 def extending(count: int, effects: Sequence[str]) -> str:
@@ -83,6 +84,14 @@ def off_nominal(tolerances: float, ratio: float | None) -> str:
 def freed(name: str, tolerances: float) -> str:
     """Return that a base parameter ends far from nominal without an effect, which is another way to see the same."""
     return f", but without it {name} {ends_off(tolerances)}: either may be off"
+
+
+def wider_tolerance(stated: float, taken: float) -> str:
+    """Return a note on base parameters of which the model does not say how well they are known."""
+    return (
+        f"the model does not say how well its parameters are known: taken as known to {100 * stated:g} % they hide what"
+        f" is missing, so they are taken as known to {100 * taken:g} % (`tolerance` in the model file says otherwise)"
+    )
 
 
 def ends_off(tolerances: float) -> str:

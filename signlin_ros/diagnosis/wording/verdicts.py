@@ -84,8 +84,12 @@ def _first(verdict: Verdict) -> str:
     if not verdict.far:
         return ""
     parts = [f"{n} {phrases.ends_off(x)}" for n, x in verdict.far.items()]
-    same = ", and the same is found with it held there" if verdict.label == "missing" else ""
-    return f"Check this first: {joined(parts)}{same}. "
+    part = (
+        ", which holds a part of what is missing"
+        if verdict.holds_a_part
+        else ", and the same is found with it held there"
+    )
+    return f"Check this first: {joined(parts)}{part if verdict.label == 'missing' else ''}. "
 
 
 def _unexplained(evidence: Evidence, verdict: Verdict) -> str:
