@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -75,6 +76,22 @@ def test_a_ball_screw_axis_without_its_friction():
     model, (known, unseen) = load_records(bare(Model.load("emps")), names)
     found = diagnose(model, [known], [unseen])
     right_of_the_axis(found, compare(found.model, unseen).inverse["force"].relative_error_percent)
+
+
+@pytest.mark.long
+def test_a_ball_screw_axis_whose_nominal_values_were_fitted_without_its_friction():
+    """Dry friction makes the viscous one twice as large: 415 for 203.5 N s/m."""
+    names = [str(DATA / "emps" / f"DATA_EMPS{name}.csv") for name in ("", "_PULSES")]
+    model, data = load_records(bare(Model.load("emps")), names)
+    known, unseen = (
+        replace(d, t=d.t[::4], u=d.u[::4], measured={n: x[::4] for n, x in d.measured.items()}) for d in data
+    )
+    found = diagnose(model.with_parameters({"m": 100.1, "c": 414.7}), [known], [unseen])
+    assert found.ladder[-1].effects[0] == "coulomb_friction"
+    assert found.parameters["coulomb_friction.mu"].value == pytest.approx(20.39, rel=0.05)
+    assert found.parameters["c"].value == pytest.approx(203.5, rel=0.05)
+    assert any("known to 50 %" in note for note in found.notes)
+    assert found.model.tolerance == model.tolerance
 
 
 @pytest.mark.limit("nothing is named; 47 s")
