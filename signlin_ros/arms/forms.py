@@ -16,7 +16,7 @@ from signlin_ros.arms.fit import CoefficientEstimate, FitDesign, fit
 from signlin_ros.arms.heldout import MIN_VALIDATION_ERRORS, above_crawl
 from signlin_ros.arms.keys import Key, SearchResult, names_of
 from signlin_ros.arms.laws import ASKED, EXTRA, JointLaw, shapes
-from signlin_ros.arms.search import MIN_VALIDATION_SHARE, State, admissible, needed_errors, settled, there_beside
+from signlin_ros.arms.search import MIN_VALIDATION_SHARE, State, admissible, needed_errors, settled
 
 POWER_LAW = ASKED[0]
 CUBIC = "cubic_viscous_friction"
@@ -38,7 +38,6 @@ def better_forms(
             estimate = found[1]
             state.terms = _with(state, found[0])
             state.found = [r for r in state.found if r.key not in rivals] + [_told(state, estimate, found[0])]
-            estimate = there_beside(state, estimate)
     return estimate
 
 

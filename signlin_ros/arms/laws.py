@@ -27,8 +27,6 @@ POWERS = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8)
 """Powers of a velocity that are tried."""
 ZERO_STEP, ROUNDING = 1e-3, 1e-6
 """rad (m) by which a position is moved to see what that needs; part of all efforts that is none."""
-UNSETTLED = "unsettled"
-"""Name of what friction lacks until it has set in, within the names of columns."""
 NARROW, MAX_SHAPE_SHARE = 0.01, 0.5
 """The smallest and the largest of them, as a part of the joint's largest velocity."""
 
@@ -184,22 +182,6 @@ def motor_inertia(rows: RegressionRows, i: int) -> Array:
     return rows.known[kept]
 
 
-def unsettled(rows: RegressionRows, i: int, length: float) -> Array:
-    """Return the effort (N, 1) that one unit of friction of motor i lacks until it has set in after a reversal.
-
-    length : rad (m) over which it sets in, exponentially with distance.
-    """
-
-    def of(piece: ArmSegment) -> Array:
-        signs = piece.signs[i]
-        return np.asarray(-signs.sign(signs.velocity) * np.exp(-piece.travelled(i) / length))
-
-    kept = (UNSETTLED, length, i)
-    if kept not in rows.known:
-        rows.known[kept] = rows.motor(i, of)[:, None]
-    return rows.known[kept]
-
-
 # ---------------------------------------------------------------- laws of the robot
 
 
@@ -302,7 +284,6 @@ __all__ = [
     "BASIC",
     "BY_EFFECT",
     "EXTRA",
-    "UNSETTLED",
     "WORKED_OUT",
     "JointLaw",
     "KeptEffect",
@@ -319,6 +300,5 @@ __all__ = [
     "shapes",
     "tilt",
     "unit_of",
-    "unsettled",
     "zero",
 ]

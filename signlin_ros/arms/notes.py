@@ -15,7 +15,6 @@ from signlin_ros.arms.heldout import MIN_VALIDATION_ERRORS
 from signlin_ros.arms.keys import GAIN, ZERO, Key, SearchResult
 from signlin_ros.arms.loaded import sentence
 from signlin_ros.arms.search import MIN_COEFFICIENT_ERRORS
-from signlin_ros.arms.settling import without_settling
 from signlin_ros.arms.study import Study
 from signlin_ros.arms.warmth import differing
 from signlin_ros.names import printed_name
@@ -196,7 +195,7 @@ def bent(diagnosis: ArmDiagnosis) -> list[str]:
     Each is told where it is so many standard errors beyond as unseen rows need: that it costs something speaks, too.
     """
     study = diagnosis.comparison.study
-    written, free, own = _written_rms(diagnosis), without_settling(diagnosis.estimate), paying(diagnosis)
+    written, free, own = _written_rms(diagnosis), diagnosis.estimate.rms, paying(diagnosis)
     cannot = [*_no_bodies(diagnosis), *_no_motors(diagnosis)] if own else []
     asked = [said for _, said in sorted(cannot)]
     if not asked:
@@ -214,7 +213,7 @@ def bent(diagnosis: ArmDiagnosis) -> list[str]:
 
 def paying(diagnosis: ArmDiagnosis) -> list[int]:
     """Return the joints of whose effort bodies that exist leave more than a little more than the fit does."""
-    study, written, free = diagnosis.comparison.study, _written_rms(diagnosis), without_settling(diagnosis.estimate)
+    study, written, free = diagnosis.comparison.study, _written_rms(diagnosis), diagnosis.estimate.rms
     silent = {law.key.at for law in diagnosis.found if law.key.law == GAIN}
     told = (i for i in range(study.robot.n) if i not in silent | set(study.barred) and study.model.arm.consistent)
     return [i for i in told if written[i] > (1.0 + LITTLE) * free[i]]

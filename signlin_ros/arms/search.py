@@ -31,7 +31,6 @@ from signlin_ros.arms.keys import BODIES_IMITATE, DELAY, GAIN, SEEN_ELSEWHERE, T
 from signlin_ros.arms.laws import (
     BASIC,
     EXTRA,
-    UNSETTLED,
     JointLaw,
     KeptEffect,
     Loads,
@@ -44,7 +43,6 @@ from signlin_ros.arms.laws import (
     payload,
     shapes,
     tilt,
-    unsettled,
     zero,
 )
 from signlin_ros.arms.loaded import with_payloads
@@ -84,9 +82,8 @@ class State:
     the motor's inertia is not in it; ``known``: laws that are not searched for; ``lumped`` (10 n,): the
     inertia of a payload that was found, as that of a point, which its columns leave out; ``spread``: standard deviation
     of a record's size of friction around one, 0 where friction is the same in all; ``change``: the same of its change
-    within a record; ``lightest``: the record that carries least, where payloads differ; ``settling``: lengths over
-    which the motors' friction sets in after a reversal, 0 where at once; ``asked``: the friction for laws in the place
-    of which is searched, and for no others.
+    within a record; ``lightest``: the record that carries least, where payloads differ; ``asked``: the friction for
+    laws in the place of which is searched, and for no others.
     """
 
     robot: Robot
@@ -106,7 +103,6 @@ class State:
     spread: float = 0.0
     change: float = 0.0
     lightest: int | None = None
-    settling: tuple[float, ...] = ()
     asked: str = ""
     terms: list[tuple[Key, JointLaw | None]] = field(default_factory=list)
     found: list[SearchResult] = field(default_factory=list)
@@ -171,9 +167,6 @@ class State:
             known, unseen = (motor_inertia(r, i) for r in self.both)
             sd = GIVEN * given if given > 0.0 else np.inf
             found = found.plus((f"{i}.motor_inertia",), known, unseen, float(given), sd)
-        for i, length in ((i, length) for i, length in enumerate(self.settling) if length):
-            known, unseen = (unsettled(r, i, length) for r in self.both)
-            found = found.plus((f"{i}.{UNSETTLED}",), known, unseen)
         for key, term in self.terms:
             known, unseen = self.columns(key, term, loads)
             found = found.plus(names_of(key), known, unseen)
@@ -272,10 +265,10 @@ def search(state: State, progress: Callable[[str], None] = lambda _: None) -> Co
         state.terms.append((key, law))
         progress(f"{names_of(key)[0]}: validation errors fall")
         estimate = settled(state, estimate)
-    return there_beside(state, estimate)
+    return _beside(state, estimate)
 
 
-def there_beside(state: State, estimate: CoefficientEstimate) -> CoefficientEstimate:
+def _beside(state: State, estimate: CoefficientEstimate) -> CoefficientEstimate:
     """Take out laws of joints that were found before others were, and that are not there beside them, or would drive
     their joint; return the estimate.
 
@@ -405,24 +398,7 @@ def stands(
         of_speed = law is not None and law.base == OF_SPEED
         if of_speed and ratio_above_crawl(trial, names, key.at) < MIN_COEFFICIENT_ERRORS:
             return None
-        if key.law == DELAY and not _in_earnest(state, estimate, key, float(values[0])):
-            return None
     return SearchResult(key, names, values, errors, before, after, worth), law
-
-
-def _in_earnest(state: State, estimate: CoefficientEstimate, key: Key, delay: float) -> bool:
-    """Tell whether efforts that are put in time by a delay (s) are explained visibly better.
-
-    The law is the first term of a series, and of the rigid body alone; where something else is missing, bodies and
-    friction contradict each other on the delay.
-    """
-    delays = np.zeros(state.robot.n)
-    delays[slice(None) if key.at < 0 else key.at] = delay
-    rows, new = (r.with_efforts(delays) for r in state.both)
-    shifted = fit(replace(estimate.design, worked={}, before=None), rows, new, estimate.weights)
-    fall = _fall(estimate.matched_rms, shifted.matched_rms)
-    visible = np.nanmax(fall) if key.at < 0 else fall[key.at]
-    return bool(visible > MIN_VALIDATION_SHARE) and float(np.nansum(np.log(1.0 - fall))) < 0.0
 
 
 def _of_one_sign(key: Key, law: JointLaw | None) -> bool:
@@ -496,5 +472,4 @@ __all__ = [
     "search",
     "settled",
     "stands",
-    "there_beside",
 ]

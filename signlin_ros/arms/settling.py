@@ -3,8 +3,7 @@
 A gear winds up, and contacts bend, before they slide. Until a motor has gone far enough its friction is neither the
 old one nor the new one, as that of a joint which stands still; a few slow reversals are most of what is left then, and
 laws that are none explain them. Friction that sets in exponentially with distance [Dahl, Aerospace Corp. TOR-158, 1968]
-lacks twice its size times exp(-distance / length) after a reversal, which is one column more for each length. Beside
-it the rows that are kept tell bodies and laws, which would take up the rest of it.
+lacks twice its size times exp(-distance / length) after a reversal, which is one column more for each length.
 """
 
 from __future__ import annotations
@@ -14,9 +13,9 @@ from numpy.typing import NDArray
 
 from signlin_ros.arms.fit import CoefficientEstimate, fit
 from signlin_ros.arms.keys import Key
-from signlin_ros.arms.laws import UNSETTLED, JointLaw, unsettled
-from signlin_ros.arms.piece import RegressionRows
-from signlin_ros.arms.search import MIN_NEW_SHARE, Promise, State, stands
+from signlin_ros.arms.laws import JointLaw
+from signlin_ros.arms.piece import ArmSegment, RegressionRows
+from signlin_ros.arms.search import Promise, State, stands
 
 Array = NDArray[np.float64]
 LAW = JointLaw("dahl_presliding", "sigma", "length")
@@ -48,19 +47,18 @@ def _lengths(rows: RegressionRows, i: int) -> list[float]:
 
 def _promise(state: State, estimate: CoefficientEstimate, i: int, length: float) -> Promise:
     """Return what one length promises: the fall of the weighted squares beside all that is fitted."""
-    known, unseen = (unsettled(rows, i, length) for rows in state.both)
+
+    def of(piece: ArmSegment) -> Array:
+        signs = piece.signs[i]
+        return np.asarray(-signs.sign(signs.velocity) * np.exp(-piece.travelled(i) / length))
+
+    known, unseen = (rows.motor(i, of)[:, None] for rows in state.both)
     w = estimate.weights[state.rows.joint]
     C, X = known[:, 0] * w, estimate.design.known * w[:, None]
     P = X.T @ C
     new, slope = float(C @ C - P @ estimate.inverse() @ P), float(C @ (estimate.residual * w))
-    fall = slope**2 / new if slope > 0.0 and new > MIN_NEW_SHARE * float(C @ C) else 0.0
+    fall = slope**2 / new if slope > 0.0 < new else 0.0
     return Promise(fall, Key(LAW.effect, i, length), LAW, known, unseen)
 
 
-def without_settling(estimate: CoefficientEstimate) -> Array:
-    """Return the RMS (n,) of what is left of unseen rows by a model in which friction sets in at once."""
-    tail = np.array([name.endswith(UNSETTLED) for name in estimate.design.names])
-    return estimate.new.by_joint(estimate.unseen + estimate.design.unseen[:, tail] @ estimate.theta[tail])
-
-
-__all__ = ["settling", "without_settling"]
+__all__ = ["settling"]

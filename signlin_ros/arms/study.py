@@ -113,7 +113,6 @@ class Study:
             spread=0.0 if self.warmth is None else self.warmth.spread,
             change=0.0 if self.drift is None else self.drift.size,
             lightest=None if self.loaded is None else self.loaded.lightest,
-            settling=() if self.settling is None else tuple(self.settling.tolist()),
         )
 
     @property

@@ -35,11 +35,11 @@ from signlin_ros.arms.relief import Relief, relief
 from signlin_ros.arms.reversals import band_of_reversals, of_reversals
 from signlin_ros.arms.rivals import rivals_left
 from signlin_ros.arms.search import MIN_COEFFICIENT_ERRORS, MIN_VALIDATION_SHARE, State, search, settled
-from signlin_ros.arms.settling import settling, without_settling
+from signlin_ros.arms.settling import settling
 from signlin_ros.arms.shape import shaped
 from signlin_ros.arms.study import LINK_SIDE, Study, study
 from signlin_ros.arms.warmth import Warmth, sources_of, warmth
-from signlin_ros.arms.ways import asked, in_effort_time, lateness, put_in_time
+from signlin_ros.arms.ways import asked, in_effort_time, lateness
 from signlin_ros.effects import find_effect
 from signlin_ros.errors import ModelError, choices, suggest
 from signlin_ros.model.arm import ArmModel
@@ -48,7 +48,6 @@ from signlin_ros.threads import one_thread
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
-Runs = tuple[Sequence[ArmRun], Sequence[ArmRun]]
 SETTLING_ROUNDS = 3
 """Times that joints are looked at for friction that sets in over a distance."""
 ROTOR, FRICTIONLESS = 2.0, 0.1
@@ -139,40 +138,33 @@ def compare(
     progress: Progress = _quiet,
 ) -> ArmComparison:
     """Return how good a model is on unseen rows, beside the rigid body and basic friction fitted to the others."""
-    recorded = known, unseen
-    found = _in_effort_time(study(model, *recorded, band), recorded)
+    found = _in_effort_time(study(model, known, unseen, band))
     progress(f"band {found.band:g} Hz, {len(found.rows)} rows to fit, {len(found.new)} unseen")
-    return _compared(found, recorded)
+    return _compared(found)
 
 
-def _in_effort_time(found: Study, recorded: Runs) -> Study:
-    """Return a study of efforts that are put in time with positions, as far as velocities were later than these.
-
-    recorded : what the study is of, efforts as they were recorded.
-    """
-    most = asked(recorded[0])
+def _in_effort_time(found: Study) -> Study:
+    """Return a study of efforts that are put in time with positions, as far as velocities were later than these."""
+    known, unseen = found.runs
+    most = asked(known)
     if not most:
         return found
-    delay = lateness(found.state(), most, put_in_time(found.runs[0]))
-    known, unseen = (in_effort_time(runs, delay) for runs in recorded)
-    again = study(found.model, known, unseen, found.band)
-    return again if found.settling is None else again.with_settling(found.settling)
+    state = found.state()
+    delay = lateness(state.design(state.loads(None)), found.rows, most)
+    return study(found.model, in_effort_time(known, delay), in_effort_time(unseen, delay), found.band)
 
 
-def _compared(found: Study, recorded: Runs) -> ArmComparison:
+def _compared(found: Study) -> ArmComparison:
     state = found.state()
     basic, rigid = settled(state), found.rigid().rms
     if _behind_gears(found, basic, rigid):
         basic = settled(found.state())
     elif not found.link_side:
         found, basic = _in_which_friction_is_known(found, basic)
-        if found.settling is not None:  # what sets in late is late
-            found = _in_effort_time(found, recorded)
-            basic = settled(found.state())
         state, rigid = found.state(), found.rigid().rms
     as_given = found.as_given(found.new)
     own = found.new.by_joint(found.left(found.model, found.new))
-    table = JointTable(as_given, rigid, without_settling(basic), own)
+    table = JointTable(as_given, rigid, basic.rms, own)
     whole = found.of_all()
     all_data = settled(whole.state())  # the best numbers of basic friction, not a test
     found.loaded = whole.loaded = _loaded(whole, all_data)

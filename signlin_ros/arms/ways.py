@@ -1,8 +1,8 @@
 """Where velocities come late, efforts may have come the same way: by how much of that lag they are late, too.
 
 Velocities that lag behind their positions went through a filter, or were fetched later. Efforts of the same drive are
-in time with the positions, with the velocities, or in between: by what the rigid body needs, of all joints together.
-Friction does not speak, as for any delay of an effort: it sets in late after a reversal.
+in time with the positions, with the velocities, or in between: the likeliest of these, of all joints together, is what
+the rigid body and the friction that everybody puts in each joint leave least with.
 """
 
 from __future__ import annotations
@@ -14,15 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.arms.data import ArmRun, shifted
-from signlin_ros.arms.fit import fit
-from signlin_ros.arms.keys import DELAY, Key, names_of
-from signlin_ros.arms.search import State
+from signlin_ros.arms.fit import FitDesign, fit
+from signlin_ros.arms.piece import RegressionRows
 
 Array = NDArray[np.float64]
-ROUNDS, SETTLED = 10, 1e-3
-"""Times that the delay is worked out anew, at most; part of its largest value by which it moves once it is settled."""
-ALL = Key(DELAY, -1)
-"""The law that all efforts are late."""
+STEPS = 20
+"""Steps in which the way from the positions' time to the velocities' is looked at."""
 
 
 def asked(runs: Sequence[ArmRun]) -> float:
@@ -34,26 +31,23 @@ def asked(runs: Sequence[ArmRun]) -> float:
     return usual if usual > max(run.step for run in runs) else 0.0
 
 
-def lateness(state: State, most: float, before: float = 0.0) -> float:
-    """Return by how many s, up to the ``most``, the efforts of a state's rows were recorded later than their positions.
-
-    before : by how many s they were put in time already.
-    """
-    loads, delay = state.loads(None), before
-    design = state.design(loads).plus(names_of(ALL), *state.columns(ALL, None, loads))
-    for _ in range(ROUNDS):
-        rows, new = (r.with_efforts(delay - before) for r in state.both)
-        later = fit(replace(design, worked={}, before=None), rows, new)[names_of(ALL)[0]]
-        step = float(np.clip(delay + later, 0.0, most)) - delay
-        delay += step
-        if abs(step) < SETTLED * most:
-            break
-    return delay
+def lateness(design: FitDesign, rows: RegressionRows, most: float) -> float:
+    """Return by how many s, up to the ``most``, the efforts of some rows are later than their positions."""
+    delays = np.linspace(0.0, most, STEPS + 1)
+    left = np.array([_left(design, rows, delay) for delay in delays])
+    k = int(np.argmin(left))
+    if not 0 < k < STEPS:
+        return float(delays[k])
+    down, up = left[k - 1] - left[k], left[k + 1] - left[k]
+    return float(delays[k] + 0.5 * (down - up) / (down + up) * delays[1])
 
 
-def put_in_time(runs: Sequence[ArmRun]) -> float:
-    """Return by how many s the efforts of some runs were put in time with their positions."""
-    return max((run.late for run in runs if run.late is not None), default=0.0)
+def _left(design: FitDesign, rows: RegressionRows, delay: float) -> float:
+    """Return minus the logarithm of the likelihood of efforts that are late by a delay."""
+    moved = rows.with_efforts(delay)
+    rms = fit(replace(design, worked={}, before=None), moved, moved).known_rms
+    seen = rows.counts > 0
+    return float(np.sum(rows.counts[seen] * np.log(np.maximum(rms[seen], 1e-300))))
 
 
 def in_effort_time(runs: Sequence[ArmRun], delay: float) -> list[ArmRun]:
@@ -62,4 +56,4 @@ def in_effort_time(runs: Sequence[ArmRun], delay: float) -> list[ArmRun]:
     return [run if run.lags is None else replace(shifted(run, np.full(n, delay)), late=delay) for run in runs]
 
 
-__all__ = ["asked", "in_effort_time", "lateness", "put_in_time"]
+__all__ = ["asked", "in_effort_time", "lateness"]

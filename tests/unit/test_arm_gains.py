@@ -13,7 +13,7 @@ from signlin_ros.arms.fit import FitDesign, fit
 from signlin_ros.arms.keys import DELAY, GAIN, Key, SearchResult
 from signlin_ros.arms.piece import RegressionRows
 from signlin_ros.arms.rivals import rivals_left
-from signlin_ros.arms.search import Promise, stands, there_beside
+from signlin_ros.arms.search import Promise, _beside, stands
 from signlin_ros.cli import main
 from signlin_ros.model import Model
 from tests.arm_records import record, small, written
@@ -153,9 +153,9 @@ def test_a_gain_that_is_not_there_beside_another_is_taken_out(monkeypatch):
     monkeypatch.setattr(search, "ratio_on_all", lambda estimate, names: 2.5)
     keys = [Key(GAIN, 1), Key(GAIN, 2)]
     state = SimpleNamespace(terms=[(key, None) for key in keys], found=[law(key, 0.15) for key in keys])
-    assert there_beside(state, beside) is alone
+    assert _beside(state, beside) is alone
     assert [key for key, _ in state.terms] == [law.key for law in state.found] == keys[1:]
-    assert there_beside(state, alone) is alone
+    assert _beside(state, alone) is alone
     assert len(state.terms) == 1
 
 
@@ -163,7 +163,7 @@ def test_a_gain_stays_that_all_rows_together_tell(monkeypatch):
     found = Fitted(_2=(-0.15, 0.05))
     monkeypatch.setattr(search, "ratio_on_all", lambda estimate, names: 9.0)
     state = SimpleNamespace(terms=[(Key(GAIN, 2), None)], found=[law(Key(GAIN, 2), 0.15)])
-    assert there_beside(state, found) is found
+    assert _beside(state, found) is found
     assert len(state.terms) == len(state.found) == 1
 
 

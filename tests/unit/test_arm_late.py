@@ -10,10 +10,8 @@ import pytest
 from signlin_ros.arms.data import ArmRun, in_time, shifted, with_delays
 from signlin_ros.arms.faults import delays
 from signlin_ros.arms.proposal import placed
-from signlin_ros.arms.study import study
 from signlin_ros.arms.told import diagnosed_json, sentences
 from signlin_ros.arms.verbs import compare, diagnose
-from signlin_ros.arms.ways import lateness
 from signlin_ros.errors import ModelError
 from signlin_ros.model import Model
 from tests.arm_records import record, small
@@ -83,14 +81,3 @@ def test_what_is_in_time_and_friction_that_sets_in_late_are_no_delay():
     found = diagnose(MODEL, [runs[0]], [runs[1]], BAND)
     assert not delays(found).any()
     assert not delays(diagnose(MODEL, [run(55, np.zeros(N))], [run(56, np.zeros(N))], BAND)).any()
-
-
-@pytest.mark.parametrize("late", [0.0, 0.008])
-def test_lateness_is_told_by_the_rigid_body_and_not_by_friction_that_sets_in_late(late):
-    t, q, v, u = record(MODEL, 57)
-    lag = round(0.03 / (t[1] - t[0]))
-    dry = 1.2 * np.tanh(v[:, SHOULDER] / 2e-3)
-    u[lag:, SHOULDER] += dry[:-lag] - dry[lag:]
-    made = shifted(ArmRun(t, q, v, u, "simulated", np.zeros(N)), np.full(N, -late))
-    state = study(MODEL, [made.part(0.0, 0.6)], [made.part(0.6, 1.0)], BAND).state()
-    assert lateness(state, 0.02) == pytest.approx(late, abs=0.003)
