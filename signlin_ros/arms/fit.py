@@ -230,10 +230,11 @@ class CoefficientEstimate:
         index, inside = in_blocks(self.rows.block)
         X = (self.design.known * w[:, None])[index] * inside[:, :, None]
         r = (self.residual * w)[index] * inside
-        values, vectors = np.linalg.eigh(X @ self.inverse() @ np.swapaxes(X, 1, 2))
-        parts = np.einsum("bij,bi->bj", vectors, r) / np.sqrt(np.maximum(1.0 - values, LEAST_LEFT))
+        scale = 1.0 / np.sqrt(np.diag(self.G))
+        values, vectors = np.linalg.eigh(self.G * scale[:, None] * scale)
+        Z = X @ (scale[:, None] * vectors / np.sqrt(values))  # H = Z Z'
         found = np.empty(len(self.rows.joint))
-        found[index[inside]] = np.einsum("bij,bj->bi", vectors, parts)[inside]
+        found[index[inside]] = (r + _raised(Z, r))[inside]
         return found
 
     @cached_property
@@ -241,6 +242,19 @@ class CoefficientEstimate:
         """Sums over each block (B, k) of columns times residuals as large as their noise."""
         w = self.weights[self.rows.joint]
         return blocks(self.design.known * (w * self.unabsorbed)[:, None], self.rows.block)
+
+
+def _raised(Z: Array, r: Array) -> Array:
+    """Return ((I - H)^(-1/2) - I) r for r (B, m) and H = Z Z' of Z (B, m, k), by the smaller side of Z."""
+    if Z.shape[1] <= Z.shape[2]:
+        share, ways = np.linalg.eigh(Z @ np.swapaxes(Z, 1, 2))
+        more, along = 1.0 / np.sqrt(np.maximum(1.0 - share, LEAST_LEFT)) - 1.0, np.einsum("bij,bi->bj", ways, r)
+        return np.asarray(np.einsum("bij,bj->bi", ways, more * along))
+    share, ways = np.linalg.eigh(np.swapaxes(Z, 1, 2) @ Z)
+    left = np.sqrt(np.maximum(1.0 - share, LEAST_LEFT))
+    more = 1.0 / (left * (1.0 + left))  # (1 / left - 1) / share, also where that is 0
+    along = np.einsum("bji,bj->bi", ways, np.einsum("bij,bi->bj", Z, r))
+    return np.asarray(np.einsum("bij,bj->bi", Z, np.einsum("bij,bj->bi", ways, more * along)))
 
 
 def in_blocks(block: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
