@@ -141,7 +141,7 @@ def _regression(problem: Problem, f: Fit, block: int, seen: Array | None, gains:
     """Return functions of a fit's motion as an observer leaves them, and its residual; ``block``: samples that are left
     out together. None where the motion is lost.
     """
-    run = follow_records(problem, f.candidate.started_for(gains.tau), f.theta, gains, False)
+    run = follow_records(problem, f.candidate.started_for(f.gains.tau), f.theta, gains, False)
     if run is None:
         return None
     used = min(1.0, MAX_TESTED_SAMPLES / max(problem.samples, 1))
