@@ -42,6 +42,10 @@ class BlockChange:
         """By how many standard errors the squares fall, see `mean_t_ratio`."""
         return mean_t_ratio(self.before, self.after)
 
+    def falls_to(self, share: float, min_t: float) -> bool:
+        """Tell whether the mean square falls to a ``share`` of itself at most, by so many standard errors at least."""
+        return self.t_ratio >= min_t and float(np.mean(self.after)) <= share * float(np.mean(self.before))
+
     def rise_shows(self, visible: float) -> bool:
         """Tell whether the RMS rises by more than a part ``visible``."""
         return bool(np.nanmean(self.after) > (1.0 + visible) ** 2 * np.nanmean(self.before))

@@ -26,9 +26,8 @@ def with_base_unheld(evidence: Evidence, selection: Selection) -> tuple[Evidence
     before, after = _force_mse(evidence, selection.chosen), _force_mse(free, other.chosen)
     if not other.chosen.effects or before is None or after is None:
         return None
-    most = evidence.criteria.max_force_mse_left * float(np.mean(before))
-    sure = BlockChange(before, after).t_ratio >= evidence.criteria.min_t and float(np.mean(after)) <= most
-    return (free, other) if sure else None
+    c = evidence.criteria
+    return (free, other) if BlockChange(before, after).falls_to(c.max_force_mse_left, c.min_t) else None
 
 
 def _force_mse(evidence: Evidence, f: FittedModel) -> Array | None:
