@@ -18,7 +18,7 @@ from signlin_ros.arms.ahead import Ahead, Witness, ahead, compared
 from signlin_ros.arms.data import ArmRun, resized, shifted, with_delays, with_gains
 from signlin_ros.arms.gravity import settled_tilt
 from signlin_ros.arms.keys import DELAY, GAIN, TILT, ZERO, Key, SearchResult, names_of
-from signlin_ros.arms.search import MIN_COEFFICIENT_ERRORS, MIN_VALIDATION_SHARE
+from signlin_ros.arms.search import MIN_COEFFICIENT_ERRORS
 from signlin_ros.arms.zeros import settled_zeros
 from signlin_ros.model.arm import ArmModel
 
@@ -120,21 +120,15 @@ def not_again(diagnosis: ArmDiagnosis, law: str) -> frozenset[Key]:
 
 
 def unmade(diagnosis: ArmDiagnosis, right: ArmDiagnosis, law: str) -> frozenset[Key]:
-    """Return the delays and zeros of a diagnosis that are none: efforts put in time by them are explained no better, or
-    bodies are no nearer the URDF's at positions counted from them.
+    """Return the zeros of a diagnosis that are none: bodies are no nearer the URDF's at positions counted from them.
 
-    Both are found by the first term of a series. Beyond that, and where what is missing is something else, only
-    shifting in earnest tells. ``right`` is the diagnosis of what was shifted.
+    They are found by the first term of a series; only counting in earnest tells. ``right`` is the diagnosis of that.
     """
-    if law == GAIN:
+    if law != ZERO:
         return frozenset()
-    laws, estimate = faults(diagnosis, law), diagnosis.estimate
-    without = diagnosis.state.without(estimate, *(name for fault in laws for name in fault.names))
-    if law == ZERO:
-        return frozenset() if right.estimate.tension < without.tension else frozenset(fault.key for fault in laws)
-    fall = 1.0 - (right.estimate.matched_rms / without.matched_rms) ** 2
-    shown = {fault.key: np.nanmax(fall) if fault.key.at < 0 else fall[fault.key.at] for fault in laws}
-    return frozenset(key for key, share in shown.items() if not share > MIN_VALIDATION_SHARE)
+    laws = faults(diagnosis, law)
+    without = diagnosis.state.without(diagnosis.estimate, *(name for fault in laws for name in fault.names))
+    return frozenset() if right.estimate.tension < without.tension else frozenset(fault.key for fault in laws)
 
 
 def told_with(diagnosis: ArmDiagnosis, before: Sequence[Fault]) -> ArmDiagnosis:

@@ -126,10 +126,12 @@ class ArmSegment:
         self.tau = self._efforts[self.index * every]
         self.block = (self.index * self.step / max(BLOCK, 2.0 / band)).astype(int)
 
-    def efforts(self, delay: float) -> Array:
-        """Return the efforts (rows, n) that are recorded a delay (s) later."""
-        at, k = self.index * self._every + delay / self.run.step, np.arange(len(self.run))
-        return np.stack([np.interp(at, k, column) for column in self._efforts.T], axis=1)
+    def efforts(self, delays: Array | float) -> Array:
+        """Return the efforts (rows, n) that are recorded later by one delay in s, or by one of each joint (n,)."""
+        at, k = self.index * self._every, np.arange(len(self.run))
+        later = np.broadcast_to(np.asarray(delays) / self.run.step, self.robot.n)
+        columns = zip(later, self._efforts.T, strict=True)
+        return np.stack([np.interp(at + by, k, column) for by, column in columns], axis=1)
 
     def coupled(self, motors: Array) -> ArmSegment:
         """Return the piece with other motors; which rows count stays as it is."""
@@ -216,10 +218,10 @@ class RegressionRows:
         other.pieces, other.known = [piece.coupled(motors) for piece in self.pieces], {}
         return other
 
-    def with_efforts(self, delay: float) -> RegressionRows:
-        """Return the same rows with the efforts that are recorded a delay (s) later."""
+    def with_efforts(self, delays: Array | float) -> RegressionRows:
+        """Return the same rows with the efforts that are recorded some s later, one number or (n,)."""
         other = copy(self)
-        late = [(piece, piece.efforts(delay)) for piece in self.pieces]
+        late = [(piece, piece.efforts(delays)) for piece in self.pieces]
         other.y = np.concatenate([tau[p.moving[:, i], i] for p, tau in late for i in range(self.n)])
         return other
 

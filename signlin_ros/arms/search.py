@@ -398,7 +398,24 @@ def stands(
         of_speed = law is not None and law.base == OF_SPEED
         if of_speed and ratio_above_crawl(trial, names, key.at) < MIN_COEFFICIENT_ERRORS:
             return None
+        if key.law == DELAY and not _in_earnest(state, estimate, key, float(values[0])):
+            return None
     return SearchResult(key, names, values, errors, before, after, worth), law
+
+
+def _in_earnest(state: State, estimate: CoefficientEstimate, key: Key, delay: float) -> bool:
+    """Tell whether efforts that are put in time by a delay (s) are explained visibly better.
+
+    The law is the first term of a series, and of the rigid body alone; where something else is missing, bodies and
+    friction contradict each other on the delay.
+    """
+    delays = np.zeros(state.robot.n)
+    delays[slice(None) if key.at < 0 else key.at] = delay
+    rows, new = (r.with_efforts(delays) for r in state.both)
+    shifted = fit(replace(estimate.design, worked={}, before=None), rows, new, estimate.weights)
+    fall = _fall(estimate.matched_rms, shifted.matched_rms)
+    visible = np.nanmax(fall) if key.at < 0 else fall[key.at]
+    return bool(visible > MIN_VALIDATION_SHARE) and float(np.nansum(np.log(1.0 - fall))) < 0.0
 
 
 def _of_one_sign(key: Key, law: JointLaw | None) -> bool:

@@ -9,7 +9,10 @@ import pytest
 
 from signlin_ros.arms.data import ArmRun, in_time, shifted, with_delays
 from signlin_ros.arms.faults import delays
+from signlin_ros.arms.keys import DELAY, Key
 from signlin_ros.arms.proposal import placed
+from signlin_ros.arms.search import Promise, settled, stands
+from signlin_ros.arms.study import study
 from signlin_ros.arms.told import diagnosed_json, sentences
 from signlin_ros.arms.verbs import compare, diagnose
 from signlin_ros.errors import ModelError
@@ -81,3 +84,27 @@ def test_what_is_in_time_and_friction_that_sets_in_late_are_no_delay():
     found = diagnose(MODEL, [runs[0]], [runs[1]], BAND)
     assert not delays(found).any()
     assert not delays(diagnose(MODEL, [run(55, np.zeros(N))], [run(56, np.zeros(N))], BAND)).any()
+
+
+def delay_that_stands(late, dry):
+    """Return what stands of a delay of the shoulder where so much of the rigid body's effort, and of a dry friction, is
+    late (s).
+    """
+    sides = []
+    for seed in (57, 58):
+        t, q, v, u = record(MODEL, seed)
+        friction = dry * np.tanh(v[:, SHOULDER] / 2e-3)
+        u[:, SHOULDER] = np.interp(t - late[0], t, u[:, SHOULDER]) + np.interp(t - late[1], t, friction)
+        sides.append([ArmRun(t, q, v, u, "simulated", np.zeros(N))])
+    state = study(MODEL, *sides, BAND).state()
+    estimate = settled(state)
+    key = Key(DELAY, SHOULDER)
+    return stands(state, estimate, Promise(1.0, key, None, *state.columns(key, None, state.loads(estimate))), 1)
+
+
+def test_a_delay_stands_only_if_efforts_that_are_put_in_time_are_explained_better():
+    told = delay_that_stands((0.02, 0.02), 2.0)
+    assert told is not None
+    assert told[0].values[0] == pytest.approx(0.02, abs=0.003)
+    # what the rigid body needs comes late, and dry friction as large in time: no delay of the effort
+    assert delay_that_stands((0.02, 0.0), 2.0) is None
