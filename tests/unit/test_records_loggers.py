@@ -644,6 +644,25 @@ def test_names_behind_keys_and_signs_apart(name: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(record.signals["N"].values, [b for _, _, b in ROWS], atol=1e-3)
 
 
+HEADED = {
+    "catman.asc": "HBM_CATMAN_DATAFILE_40\tcatmanEasy\nMesskanäle:\t3\nZeit  1 - Standardrate\tU\tN\ns\tV\t1/min\n"
+    "\tMX840A_0_CH1\tMX840A_0_CH2",
+    "mts.txt": "Data Acquisition: Timed\t\tTime: 12.5 Sec\nTime\tU\tN\nSec\tV\tsegments/min",
+    "signal_express.txt": "channel names:\t\t\nTime\tU\tN\ndt:\t\t\n0.005\t0.005\t0.005\ndata:\t\t",
+}
+
+
+@pytest.mark.parametrize("name", HEADED)
+def test_names_are_those_of_all_columns(name: str, tmp_path: Path) -> None:
+    """Below them stand units, known or not, and what names no column of values."""
+    rows = "\n".join(f"{t:.3f}\t{a:.3f}\t{b:.3f}" for t, a, b in ROWS)
+    (tmp_path / name).write_text(f"{HEADED[name]}\n{rows}\n")
+    record = read_record(tmp_path / name)
+    np.testing.assert_allclose(record.t - record.t[0], [t for t, _, _ in ROWS], atol=1e-9)
+    np.testing.assert_allclose(record.signals["N"].values, [b for _, _, b in ROWS], atol=1e-3)
+    assert record.signals["U"].unit == ("" if name.startswith("signal") else "V")
+
+
 def test_objects_behind_a_stamp_and_a_topic_are_called_by_it(tmp_path: Path) -> None:
     lines = [
         f'2021-03-04T10:11:12.{5 * k:03d}000Z rig/motor {{"u":{a:.3f},"n":{b:.3f}}}' for k, (_, a, b) in enumerate(ROWS)

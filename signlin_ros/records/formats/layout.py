@@ -27,7 +27,7 @@ from signlin_ros.records.formats.cells import (
     shortened,
 )
 from signlin_ros.records.grammar import words
-from signlin_ros.records.header import heading
+from signlin_ros.records.header import heading, names_a_time
 from signlin_ros.records.notes import Note
 
 Integers = npt.NDArray[np.int64]
@@ -199,8 +199,8 @@ def _names(
     notes = []
     unit_row: tuple[str, ...] = ()
     typed = _without_types(above)
-    below = len(above) > 1 and (_are_units(above[-1]) or _repeats_units(above[-1], above[-2]))
-    if below and len(above[-2]) >= len(above[-1]) - 1 and not _are_units(above[-2]):
+    _without_unnamed(above, cells(lines[kept[first]], separator))
+    if _holds_units(above) and len(above[-2]) >= len(above[-1]) - 1 and not _are_units(above[-2]):
         unit_row = tuple(_unit_in(cell) for cell in above.pop())
         notes.append(Note("the row below the header was taken for units", "format"))
         typed = typed or _without_types(above)
@@ -229,6 +229,22 @@ def _without_types(above: list[list[str]]) -> bool:
     if found:
         above.pop()
     return found
+
+
+def _without_unnamed(above: list[list[str]], row: Sequence[str]) -> None:
+    """Leave out what stands below the names and names not every column of values: channels, ``data:``."""
+    if _levels(above) is not None or not any(_names_all(names, len(row)) for names in above):
+        return
+    while any(is_value(cell) and not name for cell, name in zip(row, above[-1], strict=False)):
+        above.pop()
+        while not _names_all(above[-1], len(row)) and not _holds_units(above):
+            above.pop()
+
+
+def _names_all(names: Sequence[str], width: int) -> bool:
+    """Whether a row may name columns: its cells are words that differ."""
+    there = [name for name in names if name]
+    return len(there) >= width and len(set(there)) == len(there) and not any(map(is_value, there))
 
 
 def _levels(above: list[list[str]]) -> tuple[list[str], tuple[str, ...]] | None:
@@ -262,6 +278,20 @@ def _repeats_units(row: Sequence[str], names: Sequence[str]) -> bool:
     twice = [cell for cell, count in Counter(cell for cell in row if cell).items() if count > 1]
     differ = len({name for name in names if name}) == sum(map(bool, names))
     return len(names) >= len(row) and differ and any(map(_is_unit, twice))
+
+
+def _holds_units(above: Sequence[Sequence[str]]) -> bool:
+    """Whether the last one of some rows holds the units of the names in the row before it."""
+    if len(above) < 2:
+        return False
+    names, row = above[-2:]
+    return _are_units(row) or _repeats_units(row, names) or _is_below_a_time(row, names)
+
+
+def _is_below_a_time(row: Sequence[str], names: Sequence[str]) -> bool:
+    """Whether a unit of time stands below the name of a time, in a row below names: a row of units, known or not."""
+    over = [unit for name, unit in zip(names, row, strict=False) if names_a_time(name)]
+    return _names_all(names, len(row)) and any(units.parse(unit) == units.parse("s") for unit in over)
 
 
 def _are_units(row: Sequence[str]) -> bool:
