@@ -221,16 +221,17 @@ class Page:
         body = self.driver.find_element("tag name", "body").text
         pytest.fail(f"waited {patience:g} s in vain for {what}\n{body[:3000]}")
 
-    def click(self, identity: str) -> None:
-        """Click on what a user could click on."""
+    def click(self, identity: str, scroll: bool = True) -> None:
+        """Click on what a user could click on; ``scroll``: after it has been brought to the middle of the window."""
 
         def clicked() -> bool:
             from selenium.common.exceptions import ElementClickInterceptedException
 
             for element in self.driver.find_elements("id", identity):
                 if element.is_displayed() and element.is_enabled():
-                    place = "arguments[0].scrollIntoView({block: 'center', behavior: 'instant'})"
-                    self.driver.execute_script(place, element)
+                    if scroll:
+                        place = "arguments[0].scrollIntoView({block: 'center', behavior: 'instant'})"
+                        self.driver.execute_script(place, element)
                     try:
                         element.click()
                     except ElementClickInterceptedException:
@@ -342,6 +343,11 @@ class Page:
         self.wait(over, f"{name} to be done")
 
     @property
+    def focused(self) -> str:
+        """Return the id of the element that has the keyboard."""
+        return str(self.driver.execute_script("return document.activeElement.id"))
+
+    @property
     def busy(self) -> bool:
         return bool(self.driver.find_elements("css selector", "section[data-busy=true]"))
 
@@ -377,8 +383,32 @@ def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     pytest.importorskip("selenium", reason="selenium is not installed: pip install 'signlin_ros[dev]'")
     if CHROMIUM is None or DRIVER is None:
         pytest.skip("no Chromium: on Debian, apt-get install chromium chromium-driver")
+    from selenium.common.exceptions import StaleElementReferenceException
     from selenium.webdriver import Chrome, ChromeOptions
     from selenium.webdriver.chrome.service import Service
+    from selenium.webdriver.remote.webelement import WebElement
+
+    class Placed(WebElement):
+        """An element that is found anew where the page has drawn it anew since it was found."""
+
+        place: tuple[Any, ...] = ()
+
+        def _execute(self, command: str, params: Any = None) -> Any:
+            try:
+                return super()._execute(command, params)
+            except StaleElementReferenceException:
+                if not self.place:
+                    raise
+                self._id = self.parent.find_element(*self.place).id
+                return super()._execute(command, params)
+
+    class Browser(Chrome):
+        _web_element_cls = Placed
+
+        def find_element(self, *place: Any, **named: Any) -> WebElement:
+            element = super().find_element(*place, **named)
+            element.place = (*place, *named.values())
+            return element
 
     options = ChromeOptions()
     options.binary_location = CHROMIUM
@@ -390,7 +420,7 @@ def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     ):
         options.add_argument(argument)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    driver = Chrome(options=options, service=Service(DRIVER))
+    driver = Browser(options=options, service=Service(DRIVER))
     yield driver
     driver.quit()
 

@@ -329,7 +329,7 @@ def test_what_is_looked_at_stays_where_it_is_and_numbers_are_typed(
     before = page.centre("keep")
     for button in ("keep", "undo"):
         with page.settling():
-            page.driver.find_element("id", button).click()
+            page.click(button, scroll=False)
         page.still()
         page.wait(lambda: abs(page.top("keep") - before) < 60, "the button to be where it was")
     page.driver.execute_script(GROW, "#stage-compare .head", 700)  # long after the last click, something above grows

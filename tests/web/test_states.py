@@ -198,12 +198,13 @@ def test_the_keyboard_alone_reaches_and_zooms(
     page.done("check")
     if dark and page.driver.find_element("id", "theme").get_attribute("aria-pressed") == "false":
         page.click("theme")
-    page.driver.find_element("id", "to-record").click()
+    page.still()
+    page.click("to-record")
     for _ in range(60):
         ActionChains(page.driver).send_keys(Keys.TAB).perform()
-        if page.driver.switch_to.active_element.get_attribute("id") == "do-compare":
+        if page.focused == "do-compare":
             break
-    assert page.driver.switch_to.active_element.get_attribute("id") == "do-compare"
+    assert page.focused == "do-compare"
     ActionChains(page.driver).send_keys(Keys.ENTER).perform()
     page.done("compare")
     plots = page.wait(lambda: page.driver.find_elements("css selector", "#plots-compare[data-drawn]"), "the curves")[0]
