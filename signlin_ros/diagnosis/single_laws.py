@@ -50,12 +50,17 @@ def fit_every_law(evidence: Evidence, proposal: FittedModel) -> list[FittedModel
 
 
 def fit_families(evidence: Evidence, proposal: FittedModel) -> list[FittedModel]:
-    """Return fits of a proposal with another law of the same family in the place of one."""
-    options = list[FittedModel]()
+    """Return fits of a proposal with another law of the same family in the place of one: the known ones, and others
+    that come near the best.
+    """
+    options, known = list[FittedModel](), {frozenset(f.effects): f for f in evidence.cache.best.values()}
     for name in proposal.effects if len(proposal.effects) > 1 else ():
+        kept = [n for n in proposal.effects if n != name]
         names = [n for n in kin_of(name) if n in evidence.output_error.candidates and n not in proposal.effects]
+        options += [known[sets] for n in names if (sets := frozenset((*kept, n))) in known]
+        names = [n for n in names if frozenset((*kept, n)) not in known]
         with contextlib.suppress(InputError):  # without it the motion diverges
-            rest = evidence.output_error.fitted([n for n in proposal.effects if n != name], proposal.model)
+            rest = evidence.output_error.fitted(kept, proposal.model)
             options += _extended(evidence, rest, names, proposal, MIN_FAMILY_SHARE)
     evidence.cache.keep(*options)
     return options

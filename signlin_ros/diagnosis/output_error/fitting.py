@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from operator import attrgetter
+from operator import attrgetter, itemgetter
 from typing import Any
 
 import numpy as np
@@ -31,6 +31,8 @@ FOLLOW_STEPS, STARTS_FOLLOWED = 30, 3
 """Further steps of the best starts of an effect on a part of the records, and how many starts get them."""
 SERIOUS, ANYWAY, FINISHED = 0.25, 3, 8
 """Share of the best candidate's gain that makes another worth a thorough fit; how many get one anyway, and at most."""
+MIN_LIKELIHOOD_CHANGE = 1.0
+"""Change of -2 log likelihood that is none: by so much it falls for each parameter that fits nothing but noise."""
 AROUND, FREE_RUN_STARTS = 3.0, 64
 """Tolerances off nominal within which fits of free runs in a closed loop start, too, and how many do."""
 
@@ -77,10 +79,11 @@ def fit_over_gains(
     fits = [further(problem, best, LAST_STEPS)]
     for gains in problem.observer_gains[2:]:
         check()
-        lower = fit(problem, c, gains, fits[-1].theta, LAST_STEPS)
+        lower = fit(problem, c, gains, fits[-1].theta, 0)
         if lower is None:
             break
-        fits.append(lower)
+        same = abs(lower.objective - fits[-1].objective) < MIN_LIKELIHOOD_CHANGE  # a Kalman filter's gains are its own
+        fits.append(lower if same else further(problem, lower, LAST_STEPS))
     found = min((Minimum.of(problem, f, fits[-1]) for f in fits), key=attrgetter("log_mse"))
     if found.fit is found.low:
         return found
@@ -252,17 +255,37 @@ def _at_lower_gain(problem: Problem, f: Fit, gains: ObserverGains, steps: int) -
 
 
 def screened(problem: Problem, of: Fit, fits: Sequence[Fit], rival: Fit | None, share: float | None) -> list[Fit]:
-    """Return the fits that gain a ``share`` of what the best gains beyond one, by likelihood on stretches, `SERIOUS` by
-    default; some in any case, but where a ``rival`` is as good as these have to be.
+    """Return the fits that gain a ``share`` of what the best gains beyond one, on stretches, `SERIOUS` by default; some
+    in any case, but where a ``rival`` is as good as these have to be.
+
+    Fits with the same kind of observer are held against each other by likelihood. A Kalman filter, which follows a
+    sensitive motion, leaves small innovations whatever the model: fits of two kinds by their errors over windows.
     """
     short, middle = problem.short, problem.observer_gains[1]
     base, other = (fit(short, one.candidate, middle, one.theta, LAST_STEPS) if one else None for one in (of, rival))
-    ordered = sorted(fits, key=attrgetter("objective"))
-    if base is None or not ordered:
-        return ordered[:FINISHED]
-    most = base.objective - min(f.objective for f in (ordered[0], other) if f)
-    first, least = (0 if other else ANYWAY), (SERIOUS if share is None else share) * most
-    return [f for i, f in enumerate(ordered) if i < first or base.objective - f.objective > least][:FINISHED]
+    if base is None:
+        return sorted(fits, key=attrgetter("objective"))[:FINISHED]
+    known, least = [f for f in (base, other) if f], SERIOUS if share is None else share
+    is_alike = [all(f.candidate.filtered == one.candidate.filtered for one in known) for f in fits]
+    alike = [(f.objective, f) for f, is_so in zip(fits, is_alike, strict=True) if is_so]
+    kept = _serious(base.objective, [f.objective for f in known], alike, least, 0 if other else ANYWAY)
+    if not all(is_alike):
+        *lowest, level = (log_mse_of_windows(short, f) for f in (*known[1:], base))
+        every = [(log_mse_of_windows(short, f), f) for f in fits]
+        apart = [pair for pair, is_so in zip(every, is_alike, strict=True) if not is_so]
+        kept += _serious(level, [*lowest, *(one for one, _ in every)], apart, least, 0 if other else 1)
+    return kept[:FINISHED]
+
+
+def _serious(
+    base: float, others: Sequence[float], levels: Sequence[tuple[float, Fit]], share: float, anyway: int
+) -> list[Fit]:
+    """Return the fits whose level falls from that of a ``base`` by more than a ``share`` of the largest fall, to theirs
+    or to ``others``, and ``anyway`` so many of the lowest.
+    """
+    ordered = sorted(levels, key=itemgetter(0))
+    least = share * (base - min([base, *others, *(level for level, _ in ordered[:1])]))
+    return [f for i, (level, f) in enumerate(ordered) if i < anyway or base - level >= least]
 
 
 __all__ = [
