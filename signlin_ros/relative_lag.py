@@ -16,9 +16,9 @@ Array = NDArray[np.float64]
 
 CUTOFFS = 0.12 * np.geomspace(1.0, 1e-2, 21)
 """Cut-offs that are tried, as parts of the sampling rate, the widest first,"""
-MAX_NOISE_SHARE = 0.1
+MAX_RATE_NOISE_SHARE = 0.1
 """until noise of the rate is no more than this share of it."""
-ROUNDS, BLOCKS, EDGE_PERIODS = 6, 20, 1.2
+LAG_ROUNDS, BLOCKS, EDGE_PERIODS = 6, 20, 1.2
 """Times that the lag is taken up before it is asked again; blocks; periods of the cut-off left out at either end."""
 MAX_LAG_SAMPLES = 30
 """Lags that are looked at first, in samples."""
@@ -33,14 +33,14 @@ def relative_lag(q: Array, v: Array, step: float) -> float:
     negative where the position is the late one, 0 where that is not sure.
     """
     moves, noise = float(np.std(v)), sensor_noise(q)
-    quiet = (f for f in CUTOFFS / step if derivative_noise(noise, 1, f, step) < MAX_NOISE_SHARE * moves)
+    quiet = (f for f in CUTOFFS / step if derivative_noise(noise, 1, f, step) < MAX_RATE_NOISE_SHARE * moves)
     cutoff = next(quiet, None)
     ends = int(EDGE_PERIODS / (CUTOFFS[-1] if cutoff is None else cutoff * step)) + 3
     if cutoff is None or q.size < 4 * ends:
         return 0.0
     rate, shown, k = slope(low_pass(q, cutoff, step), step), low_pass(v, cutoff, step), np.arange(q.size)
     lag, error = step * _most_alike(rate, shown), np.inf
-    for _ in range(ROUNDS):
+    for _ in range(LAG_ROUNDS):
         moved = np.interp(k + lag / step, k, shown)
         apart, change = (x[ends:-ends] for x in (rate - moved, slope(moved, step)))
         power = float(change @ change)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.arms.fit import CoefficientEstimate
-from signlin_ros.robots.inertia import TEN, UNITS, from_pseudo_inertia, least_eigenvalue, pseudo_inertia
+from signlin_ros.robots.inertia import TEN, UNIT_PSEUDO_INERTIAS, from_pseudo_inertia, least_eigenvalue, pseudo_inertia
 
 Array = NDArray[np.float64]
 MIN_EIGENVALUE = 1e-7
@@ -76,7 +76,7 @@ class Barrier:
     def bend(self, x: Array, weight: float, slope: Array, curvature: Array) -> None:
         """Add the barrier's slope (k,) and curvature (k, k) to those of the squares."""
         for at in self.parts:
-            own = np.linalg.solve(pseudo_inertia(x[at]), UNITS)
+            own = np.linalg.solve(pseudo_inertia(x[at]), UNIT_PSEUDO_INERTIAS)
             slope[at] -= weight * np.trace(own, axis1=1, axis2=2)
             curvature[at, at] += weight * np.einsum("aij,bji->ab", own, own)
         alone = np.arange(self.signed, x.size)

@@ -12,13 +12,13 @@ from signlin_ros.checks.finding import Finding
 from signlin_ros.checks.look import MIN_SAMPLES, Look
 from signlin_ros.noise import NORMAL_QUARTILE
 from signlin_ros.records.clean import MIN_HOLE_STEPS
-from signlin_ros.records.outliers import BEYOND, MAX_FEW_OUTLIERS, MIN_OUTLIER_DEVIATIONS, MIN_OUTLIER_STEPS
+from signlin_ros.records.outliers import MAX_FEW_OUTLIERS, MIN_OUTLIER_DEVIATIONS, MIN_OUTLIER_STEPS, MIN_OVER_USUAL
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 
-BEFORE, HALF = 10, 0.5
+SAMPLES_BEFORE_LEAP, MIN_SHORTFALL = 10, 0.5
 """Samples before a leap, and the part of their way by which they fall short if the position stood still instead."""
 
 
@@ -27,9 +27,9 @@ class Leap(Check):
     drive was referenced, or a counter set anew or lost.
 
     Test: up to `MAX_FEW_OUTLIERS` changes of the position miss what the velocity makes of them by more than
-    `MIN_OUTLIER_DEVIATIONS` robust standard deviations of all such misses, by `BEYOND` times the next largest, and by
-    `MIN_OUTLIER_STEPS` steps of the sensor; where samples are missing for long nothing is said. What has inertia does
-    not leap. Cure: the position is continued, as if it had not been set.
+    `MIN_OUTLIER_DEVIATIONS` robust standard deviations of all such misses, by `MIN_OVER_USUAL` times the next largest,
+    and by `MIN_OUTLIER_STEPS` steps of the sensor; where samples are missing for long nothing is said. What has inertia
+    does not leap. Cure: the position is continued, as if it had not been set.
     """
 
     name = "leap"
@@ -73,11 +73,14 @@ def _leaps(look: Look) -> tuple[Index, Array]:
         MIN_OUTLIER_STEPS * look.quantum(look.position),
     )
     largest = np.argsort(-sizes, kind="stable")[: MAX_FEW_OUTLIERS + 1]
-    alone = (sizes[largest[:-1]] > BEYOND * sizes[largest[1:]]) & (sizes[largest[:-1]] > least)
+    alone = (sizes[largest[:-1]] > MIN_OVER_USUAL * sizes[largest[1:]]) & (sizes[largest[:-1]] > least)
     if not alone.any():
         return nothing
     found = np.sort(largest[: int(np.flatnonzero(alone)[-1]) + 1])
-    if any(_stood(missed[max(k - BEFORE, 0) : k], way[max(k - BEFORE, 0) : k]) for k in found.tolist()):
+    if any(
+        _stood(missed[max(k - SAMPLES_BEFORE_LEAP, 0) : k], way[max(k - SAMPLES_BEFORE_LEAP, 0) : k])
+        for k in found.tolist()
+    ):
         return nothing
     return there[found + 1], missed[found]
 
@@ -86,7 +89,7 @@ def _stood(missed: Array, way: Array) -> bool:
     """Tell whether a position stood still before it leapt, while the velocity led it a ``way`` (k,): a reading failed,
     and the leap makes up for that.
     """
-    return bool(abs(missed.sum()) > HALF * abs(way.sum()) and missed.sum() * way.sum() < 0.0)
+    return bool(abs(missed.sum()) > MIN_SHORTFALL * abs(way.sum()) and missed.sum() * way.sum() < 0.0)
 
 
 def _added(t: Array, at: Array, sizes: Array) -> Array:

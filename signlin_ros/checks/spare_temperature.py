@@ -11,7 +11,7 @@ from signlin_ros.recording.trace import TEMPERATURE
 from signlin_ros.records.header import heading
 from signlin_ros.units import is_temperature
 
-MOST = 3
+MAX_COLUMNS_LISTED = 3
 """So many columns are listed."""
 
 
@@ -31,7 +31,9 @@ class SpareTemperature(Check):
         if found:
             h = heading(found[0])
             column = h.name if is_temperature(h.unit) else f"{h.name} [degC]"
-            listed = ", ".join(map(repr, found[:MOST])) + (", ..." if len(found) > MOST else "")
+            listed = ", ".join(map(repr, found[:MAX_COLUMNS_LISTED])) + (
+                ", ..." if len(found) > MAX_COLUMNS_LISTED else ""
+            )
             yield self.note(
                 "", f"not used: {listed}; with --signal 'temperature = {column}' friction that depends on it is tried"
             )

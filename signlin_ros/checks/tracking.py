@@ -28,7 +28,7 @@ FORCE = re.compile(
 MAX_COMMAND_RESIDUAL, MAX_GAIN_ERROR, LATE = 0.05, 0.1, 0.5
 """What the input's own number, late by a lag and a delay of at most so many s, leaves of the position's square; by how
 much the gain may differ from 1."""
-DELAYS, FINER = 12, 4
+GRID_DELAYS, FINE_GRID = 12, 4
 """Delays of a grid; of a finer one, delays and lags to either side of the best."""
 MIN_COMMAND_CORRELATION = 0.7
 """Least correlation of both as they stand: a force on a mass leads to one near nothing, or to an opposite one."""
@@ -122,16 +122,16 @@ def _tracked(pairs: Pairs, strict: float) -> bool:
 def _best(u: Array, x: Array, step: float) -> _Late:
     """Return the input (T,) with the lag and delay of a grid after which it is nearest to the position (T,)."""
     most = _latest(u.size, step)
-    delays = np.unique(np.round(np.linspace(0.0, most / step, DELAYS)).astype(int))
+    delays = np.unique(np.round(np.linspace(0.0, most / step, GRID_DELAYS)).astype(int))
     return _nearest(u, x, step, delays, np.concatenate([[0.0], np.geomspace(step / 2.0, most, 8)]), _Late(u))
 
 
 def _finest(u: Array, x: Array, step: float) -> Array:
     """Return the nearest (T,) of a finer grid around that: a hundredth of the square is not left to a coarse one."""
     best = _best(u, x, step)
-    apart = int(np.ceil(_latest(u.size, step) / step / (DELAYS - 1)))
-    delays = np.arange(max(best.delay - apart, 0), best.delay + apart + 1)[:: -(-apart // FINER)]
-    lags = best.lag * np.geomspace(0.5, 2.0, 2 * FINER + 1) if best.lag else np.array([0.0, step / 2.0])
+    apart = int(np.ceil(_latest(u.size, step) / step / (GRID_DELAYS - 1)))
+    delays = np.arange(max(best.delay - apart, 0), best.delay + apart + 1)[:: -(-apart // FINE_GRID)]
+    lags = best.lag * np.geomspace(0.5, 2.0, 2 * FINE_GRID + 1) if best.lag else np.array([0.0, step / 2.0])
     return _nearest(u, x, step, delays, lags, best).values
 
 

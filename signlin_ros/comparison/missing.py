@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 MIN_OVER_NOISE, MIN_EQUATION_SHARE = 3.0, 0.005
 """How many times the noise that is missing, and which share of what the equation holds, is clear."""
-FREQUENCIES = 512
+SMOOTHER_FREQUENCIES = 512
 """Frequencies at which the smoother is evaluated, up to Nyquist's."""
 
 
@@ -124,11 +124,11 @@ def _response(observer: Observer, equation: _Equation, d: ObserverDesign) -> tup
     is seen, and the resolution in s, from frequency responses: e = [I - C (zI - A (I - K C))^-1 A K] noise + C (zI - A
     (I - K C))^-1 disturbance, missing = spread (I/z - back)^-1 weigh e.
     """
-    omega = np.pi * (np.arange(FREQUENCIES) + 0.5) / FREQUENCIES
+    omega = np.pi * (np.arange(SMOOTHER_FREQUENCIES) + 0.5) / SMOOTHER_FREQUENCIES
     z = np.exp(1j * omega)[:, None, None]
     eye = np.eye(len(d.A))
     to_state = np.linalg.inv(z * eye - d.A @ (eye - d.K @ d.C))
-    smoothing = np.linalg.solve(eye / z - d.back, np.broadcast_to(d.weigh, (FREQUENCIES, *d.weigh.shape)))
+    smoothing = np.linalg.solve(eye / z - d.back, np.broadcast_to(d.weigh, (SMOOTHER_FREQUENCIES, *d.weigh.shape)))
     out = (d.spread[equation.state] / equation.per_unit) @ smoothing
     from_noise = out - np.einsum("fj,fjk->fk", out, d.C @ to_state @ d.A @ d.K)
     spectra = [n.sigma**2 * (1 - n.rho**2) / np.abs(1 - n.rho / z[:, 0, 0]) ** 2 for n in observer.noise]

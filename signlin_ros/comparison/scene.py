@@ -21,7 +21,7 @@ FORGOTTEN_SHARE = 0.1
 """Correlation of a quantity with itself below which it has forgotten itself."""
 RAREST, MOST_TIME = 0.004, 0.97
 """Part of the time that a situation may take."""
-LEAST_BLOCKS = 20
+MIN_SUMMED_BLOCKS = 20
 """Blocks of time that sums over them need for a standard error."""
 
 
@@ -89,9 +89,9 @@ class Scene:
 
     @cached_property
     def block(self) -> int:
-        """Samples in a block beyond which errors do not remember each other, but at least `LEAST_BLOCKS` blocks."""
+        """Samples in a block beyond which errors do not remember each other; at least `MIN_SUMMED_BLOCKS` blocks."""
         memory = max(remembered(self.error), int(self.resolution / self.observer.step))
-        return int(max(1, min(2 * memory, self.error.size // LEAST_BLOCKS)))
+        return int(max(1, min(2 * memory, self.error.size // MIN_SUMMED_BLOCKS)))
 
     def excess(self, mask: Mask, error: Array) -> float:
         """Return by how many standard errors a mask (N,) holds more of the error (N,) than its share of the time."""

@@ -18,7 +18,7 @@ MAX_SPECTRUM_SAMPLES = 20_000
 """So many samples tell a spectrum."""
 MIN_SHOWN_ORDERS, MAX_SHOWN_ORDERS = 12, 60
 """A spectrum shows at least, and at most, so many orders."""
-LEAST_TOLD = 0.1
+MIN_RELATIVE_INFORMATION = 0.1
 """What samples tell less well than a tenth of the best, as where a part of the turn was hardly seen, is left out."""
 TURNS = 2.0
 """A spectrum by order takes so many turns."""
@@ -70,7 +70,7 @@ def spectrum(position: Array, missing: Array, left: Array, waves: Sequence[Wave]
     angle = np.outer(position[every], orders)
     columns = np.concatenate([np.cos(angle), np.sin(angle), np.ones((angle.shape[0], 1))], axis=1)
     values = np.stack([missing[every], left[every]], axis=1)
-    found = np.linalg.lstsq(columns, values, rcond=LEAST_TOLD)[0]
+    found = np.linalg.lstsq(columns, values, rcond=MIN_RELATIVE_INFORMATION)[0]
     sizes = np.hypot(found[:most], found[most : 2 * most])
     return Spectrum(orders, sizes[:, 0], sizes[:, 1])
 

@@ -19,7 +19,7 @@ SHARE = 0.5
 """Share of what a drive can do that an approach asks of it; the rest is left to reference and feedback."""
 LEAST_SHARE = 0.05
 """Share of the limit that is taken to be there for an acceleration, even where nothing seems to be left of it."""
-TIME_CONSTANTS, SHORTEST = 4.0, 0.5
+TIME_CONSTANTS, MIN_APPROACH_TIME = 4.0, 0.5
 """Time constants of the loop, and s, that an approach lasts at least."""
 
 
@@ -36,7 +36,7 @@ class Reach:
         """Return what is left of the limit beside friction, load and the largest speed, halved."""
         left = task.limit - abs(c.kS) - abs(c.kG) - abs(c.kV) * task.speed
         strength = max(SHARE * left, LEAST_SHARE * task.limit)
-        return cls(SHARE * task.speed, strength / c.kA, max(TIME_CONSTANTS / bandwidth, SHORTEST))
+        return cls(SHARE * task.speed, strength / c.kA, max(TIME_CONSTANTS / bandwidth, MIN_APPROACH_TIME))
 
 
 @dataclass(frozen=True)

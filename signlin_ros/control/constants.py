@@ -21,7 +21,7 @@ from signlin_ros.errors import InputError
 Array = NDArray[np.float64]
 CONSTANT_POINTS = 2000
 """Points of a motion that the constants are fitted to."""
-STRETCHES = (0.5, 1.0, 2.0)
+PERIOD_FACTORS = (0.5, 1.0, 2.0)
 """Periods of the motions, as multiples of the one asked for."""
 OFFSETS = (-1.0, -1 / 3, 1 / 3, 1.0)
 """Where the motions start, as multiples of their travel: what goes by the position must not pass for inertia."""
@@ -54,7 +54,7 @@ class Constants:
 def constants(drive: Drive, speed: float, period: float = 2.0) -> Constants:
     """Fit the constants to motions up to ``speed`` with a period of about ``period`` s; raise `InputError` if odd."""
     motions, inputs = [], []
-    for stretch in STRETCHES:
+    for stretch in PERIOD_FACTORS:
         for offset in OFFSETS:
             start = offset * speed * stretch * period / 4
             motion, wanted = _asked(drive, replace(triangle(speed, stretch * period, cycles=2), start=start), speed)

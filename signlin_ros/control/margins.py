@@ -25,18 +25,18 @@ from signlin_ros.errors import InputError
 Array = NDArray[np.float64]
 MAX_SENSITIVITY = 2.0
 """Largest |1/(1 + L)| of a loop that is called well damped."""
-DELAYS = 9
+JUDGED_DELAYS = 9
 """Delays, evenly from the shortest to the longest, at which a loop is judged."""
-FREQUENCIES = 150
+SENSITIVITY_FREQUENCIES = 150
 """Frequencies up to half of the sampling rate at which the sensitivity is looked at."""
 LOWEST_FREQUENCY = 1e-3
 """The lowest of them, in rad per sample."""
 ANYWHERE = 1e-6
 """Distance from 1 within which a pole is no motion, but where something stands: what hysteresis remembers, or a spring
 that is held at speed 0."""
-BANDWIDTH_STEPS, HALVINGS = 25, 8
+BANDWIDTH_STEPS, BRACKET_HALVINGS = 25, 8
 """Bandwidths that are tried from above, and halvings of the bracket of the largest that holds."""
-SLOWEST = 1e-2
+MIN_BANDWIDTH = 1e-2
 """The lowest bandwidth that is tried, as a multiple of 1 / (period + delay)."""
 
 
@@ -99,13 +99,13 @@ class SampledDrive:
 
 def sampled_drives(drives: Sequence[LinearDrive], period: float, delays: tuple[float, float]) -> list[SampledDrive]:
     """Return drives as they are sampled with all delays in s from low to high."""
-    some = np.linspace(*delays, DELAYS if delays[1] > delays[0] else 1)
+    some = np.linspace(*delays, JUDGED_DELAYS if delays[1] > delays[0] else 1)
     return [_sampled(drive, period, float(delay)) for drive in drives for delay in some]
 
 
 def frequencies() -> NDArray[np.complex128]:
     """Return points z (W,) of the unit circle, up to half of the sampling rate."""
-    return np.asarray(np.exp(1j * np.geomspace(LOWEST_FREQUENCY, math.pi, FREQUENCIES)))
+    return np.asarray(np.exp(1j * np.geomspace(LOWEST_FREQUENCY, math.pi, SENSITIVITY_FREQUENCIES)))
 
 
 def _sampled(drive: LinearDrive, period: float, delay: float) -> SampledDrive:
@@ -185,12 +185,12 @@ def largest_bandwidth(margins: Callable[[float], Margins], period: float, delay:
     ``margins`` gives the margins at a bandwidth. Where a slow loop does not hold a faster one may: a load that would
     fall. So it is looked for from above.
     """
-    steps = np.geomspace(high, SLOWEST / (period + delay), BANDWIDTH_STEPS)
+    steps = np.geomspace(high, MIN_BANDWIDTH / (period + delay), BANDWIDTH_STEPS)
     held = next((k for k, bandwidth in enumerate(steps) if margins(float(bandwidth)).hold), None)
     if held is None:
         return 0.0
     low, high = float(steps[held]), float(steps[max(held - 1, 0)])
-    for _ in range(HALVINGS):
+    for _ in range(BRACKET_HALVINGS):
         middle = math.sqrt(low * high)
         low, high = (middle, high) if margins(middle).hold else (low, middle)
     unit = float(10.0 ** (math.floor(math.log10(low)) - 2))

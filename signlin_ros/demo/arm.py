@@ -36,7 +36,7 @@ from signlin_ros.robots import inverse_dynamics
 Array = NDArray[np.float64]
 HIDDEN = "elbow.coulomb_friction"
 """What the true arm has and the model does not."""
-RATE, PERIOD, LEAST = 50.0, 0.1, 0.5
+RATE, PERIOD, MIN_STATES_SHARE = 50.0, 0.1, 0.5
 """Commands and states per second; seconds for which a linearizer's model is held; part of the states that must come."""
 LOOP_STIFFNESS, LOOP_DAMPING = np.array([20.0, 30.0, 8.0]), np.array([3.0, 5.0, 1.2])
 """Of the controller, in N·m/rad and N·m·s/rad: soft, since commands may be late."""
@@ -144,7 +144,7 @@ class Operator:
         self._inputs.publish(self._message(data=effort.tolist()))
 
     def _run(self, seconds: float) -> ArmRun:
-        if len(self.rows) < LEAST * RATE * seconds:
+        if len(self.rows) < MIN_STATES_SHARE * RATE * seconds:
             many = f"{len(self.rows)} of {RATE * seconds:.0f} states came"
             raise DemoError(f"{many}: this machine is too busy for an arm in real time")
         table, n = np.array(self.rows), len(self.names)

@@ -47,7 +47,7 @@ STATE_NOISE = 1e-3
 """Of every state that the simulator shows, in its unit."""
 REFERENCE_SPEED, REFERENCE_PERIOD, VOLTAGE_LIMIT = 2.0, 6.0, 8.0
 """Largest speed and period of the reference, and the largest voltage: waves of the cogging pass at 4.5 Hz at most."""
-LEARNING_TIME, BEFORE, TIME_AFTER = 10.0, 40.0, 30.0
+LEARNING_TIME, TIME_BEFORE, TIME_AFTER = 10.0, 40.0, 30.0
 """Seconds in which the monitor learns; until the diagnosis is asked for; after the model was applied."""
 STARTING_TIME = 5.0
 """Seconds at the start in which the drive gets going."""
@@ -236,7 +236,7 @@ def tell(folder: Path, say: Callable[[str], None]) -> Story:
         before = processes.pids()
         story.wait(lambda: story.errors, "the first error", 300.0)
         say("the model without friction is watched ...")
-        story.spend(BEFORE)
+        story.spend(TIME_BEFORE)
         _improve(story, say)
         story.spend(TIME_AFTER)
         story.mark("end")

@@ -12,17 +12,17 @@ from signlin_ros import plotting
 from signlin_ros.demo.worth import Array, DemoRecord, Window, largest_difference, rms, typical
 from signlin_ros.model import Model
 
-COLUMNS = {"published": "published", "no friction": "no friction", "jacobian": "Jacobian", "exact": "exact model"}
+SHOWN_COLUMNS = {"published": "published", "no friction": "no friction", "jacobian": "Jacobian", "exact": "exact model"}
 
 
 def table(model: Model, record: DemoRecord, found: Mapping[str, Sequence[Window]]) -> str:
     """Return the table: RMS error of the predicted speed, and how many operating points lie in the valid range."""
     every = [window for each in found.values() for window in each]
     row = "  {:<18}{:>11}{:>13}{:>11}{:>13}{:>17}".format
-    lines = [row("A_k from", *COLUMNS.values(), "in valid range")]
+    lines = [row("A_k from", *SHOWN_COLUMNS.values(), "in valid range")]
     for point, each in found.items():
         valid = sum(window.update.result.in_valid_range for window in each)
-        errors, middle = ([f"{f(each, name):.3f}" for name in COLUMNS] for f in (rms, typical))
+        errors, middle = ([f"{f(each, name):.3f}" for name in SHOWN_COLUMNS] for f in (rms, typical))
         lines.append(row(f"{point}, all", *errors, f"{valid} of {len(each)}"))
         lines.append(row(f"{point}, median", *middle, "").rstrip())
     limit = f"|speed| <= {model.sign_order * model.sign_scale / 3:.2f} rad/s"
@@ -90,4 +90,4 @@ def _dots(axes: Any, each: Sequence[Window], name: str, colour: str) -> None:
     axes.plot([w.time for w in each], [rms([w], name) for w in each], ".-", color=colour, lw=0.8, ms=5)
 
 
-__all__ = ["COLUMNS", "LABELS", "NOTES", "draw", "table"]
+__all__ = ["LABELS", "NOTES", "SHOWN_COLUMNS", "draw", "table"]

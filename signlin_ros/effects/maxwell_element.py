@@ -9,7 +9,7 @@ from signlin_ros.effects.base import Effect
 from signlin_ros.par import Par
 from signlin_ros.scale import Scale
 
-SHORTEST, LONGEST, TIMES = 3.0, 0.2, 6
+SHORTEST_RELAXATION, LONGEST_RELAXATION, RELAXATION_TIMES = 3.0, 0.2, 6
 """Relaxation times that a fit starts from: samples, part of a record; how many."""
 
 
@@ -41,7 +41,9 @@ class MaxwellElement(Effect):
         """Return relaxation times from some samples to a part of the record."""
         import numpy as np
 
-        times = np.geomspace(SHORTEST * scale.step, LONGEST * scale.duration, TIMES).tolist()
+        times = np.geomspace(
+            SHORTEST_RELAXATION * scale.step, LONGEST_RELAXATION * scale.duration, RELAXATION_TIMES
+        ).tolist()
         return [{"k": 0.3 * scale.of("F/Q"), "tau": tau} for tau in times]
 
     @classmethod

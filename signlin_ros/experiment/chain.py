@@ -25,7 +25,7 @@ from signlin_ros.experiment.search import ENOUGH, NEEDED_EVIDENCE, RECOVERS, RES
 
 Array = NDArray[np.float64]
 
-DRAWN, DOWN, TIMES = 12, 0.85, 12
+DRAWN, DOWN, MAX_REDUCTIONS = 12, 0.85, 12
 """Machines drawn from each estimate that must stay within the limits; by what a command is made smaller, how often."""
 MOST_COMMANDS, MOST_SAMPLES = 4, 20_000
 """Most commands in one record, and most samples of it."""
@@ -79,7 +79,7 @@ def within_limits(search: CommandSearch, best: CommandTrial) -> CommandTrial:
     """Return a command made smaller until machines drawn from every estimate stay within the limits."""
     g = np.random.default_rng(search.seed)
     drawn = [(i, theta) for i, c in enumerate(search.bench.contenders) for theta in c.drawn(g, DRAWN)]
-    for _ in range(TIMES):
+    for _ in range(MAX_REDUCTIONS):
         runs = [search.bench.run(i, search.t, best.u, theta) for i, theta in drawn]
         worst = max((search.limits.share(run)[0] for run in runs if run is not None), default=0.0)
         if worst <= 1.0 - 0.5 * search.spare:

@@ -23,7 +23,7 @@ from signlin_ros.model.numbers import numbers
 
 EXCLUDED = 60.0
 """-2 log likelihood of the first records beyond the best rival's from which on one needs no experiment."""
-OPEN, LEFT_OPEN = 1.0, 4.0
+AS_LIKELY_WITHIN, LEFT_OPEN = 1.0, 4.0
 """Within which a smaller size is as likely: one standard error; within which records leave the end of a range open: two
 of them."""
 REFIT_STEPS = 8
@@ -129,4 +129,4 @@ def with_ends(problem: Problem, c: Contender, gains: ObserverGains) -> Contender
     return replace(c, minima=(*c.minima, *(f.theta for f in found)), behind=(*c.behind, *behind))
 
 
-__all__ = ["EXCLUDED", "OPEN", "REFIT_STEPS", "led", "led_by", "overlap", "with_ends", "with_minima"]
+__all__ = ["AS_LIKELY_WITHIN", "EXCLUDED", "REFIT_STEPS", "led", "led_by", "overlap", "with_ends", "with_minima"]

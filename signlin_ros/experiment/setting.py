@@ -14,7 +14,7 @@ from signlin_ros.experiment.common_scale import NO_EFFECT, unscaled
 from signlin_ros.experiment.contenders import Contender, contender, information_of
 from signlin_ros.experiment.distance import RivalBench
 from signlin_ros.experiment.limits import Limits
-from signlin_ros.experiment.minima import EXCLUDED, OPEN, REFIT_STEPS, led, with_ends, with_minima
+from signlin_ros.experiment.minima import AS_LIKELY_WITHIN, EXCLUDED, REFIT_STEPS, led, with_ends, with_minima
 from signlin_ros.experiment.parts import Part, rendered
 from signlin_ros.fitting.candidate import Candidate
 from signlin_ros.fitting.fit import Fit, evaluated, fit
@@ -135,7 +135,7 @@ def _sized(problem: Problem, c: Contender) -> Contender:
         return c
     own, start = _of_interest(c), np.clip(c.theta, *c.bounds)
     found, small = fit(problem, own, gains_of(problem), start, REFIT_STEPS), _smallest(problem, c)
-    if small is not None and (found is None or small.objective < found.objective + OPEN):
+    if small is not None and (found is None or small.objective < found.objective + AS_LIKELY_WITHIN):
         found = small
     return c if found is None else replace(c, theta=found.theta)
 

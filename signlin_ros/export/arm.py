@@ -31,7 +31,7 @@ RUN_TRAVEL = {False: 0.25, True: 0.02}
 SLOWEST_TONE, FASTER = 0.5, 0.1
 """Hz of the first joint, and how much faster each next one is."""
 DRIVEN = f"the efforts of a smooth motion of {LASTS:g} s from the initial state, by inverse dynamics"
-STEP = 1e-3
+MUJOCO_STEP = 1e-3
 """Step of MuJoCo in s."""
 REFUSED_TARGETS = {
     "c": "writes drives of one mass",
@@ -225,7 +225,7 @@ def _document(model: ArmModel, parts: JointParts) -> str:
     said = [*heading(model, "An arm for MuJoCo."), *(f"lost: {line}" for line in parts.lost)]
     root.append(ET.Comment("\n  " + "\n  ".join(said).replace("--", "- -") + "\n"))
     ET.SubElement(root, "compiler", angle="radian")
-    ET.SubElement(root, "option", timestep=repr(STEP), integrator="implicitfast", gravity=_text(robot.gravity))
+    ET.SubElement(root, "option", timestep=repr(MUJOCO_STEP), integrator="implicitfast", gravity=_text(robot.gravity))
     bodies: dict[int, ET.Element] = {-1: ET.SubElement(root, "worldbody")}
     coupled = {i for i in range(robot.n) if np.count_nonzero(model.arm_plant.motors[:, i]) > 1}
     coupled |= set(parted(model.arm_plant.motors))
@@ -296,7 +296,7 @@ def stepped(text: str, model: ArmModel, drive: ExportedDrive) -> dict[str, Array
         mj = mujoco.MjModel.from_xml_string(text)
     except ValueError as error:
         raise NotRunError(f"MuJoCo {mujoco.__version__} does not load it: {error}") from error
-    mj.opt.timestep, mj.opt.gravity[:] = STEP, model.robot.gravity
+    mj.opt.timestep, mj.opt.gravity[:] = MUJOCO_STEP, model.robot.gravity
     mj.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     data, names = mujoco.MjData(mj), model.robot.names
     joints = [mujoco.mj_name2id(mj, mujoco.mjtObj.mjOBJ_JOINT, name) for name in names]
@@ -306,7 +306,7 @@ def stepped(text: str, model: ArmModel, drive: ExportedDrive) -> dict[str, Array
     gains = np.array([model.parameters[f"{name}.{GAIN_PARAMETER}"] for name in names])
     acting = np.where(np.array(model.arm_plant.at_motor)[None, :], model.arm_plant.motors.T, np.eye(n))
     found = np.full((drive.t.size, 2 * n), np.nan)
-    every = max(1, round(float(np.median(np.diff(drive.t))) / STEP))
+    every = max(1, round(float(np.median(np.diff(drive.t))) / MUJOCO_STEP))
     for k, u in enumerate(drive.u):
         found[k] = [*data.qpos[q_at], *data.qvel[v_at]]
         if mj.nu:
@@ -314,7 +314,7 @@ def stepped(text: str, model: ArmModel, drive: ExportedDrive) -> dict[str, Array
         else:
             data.qfrc_applied[v_at] = acting @ (gains * u)
         mujoco.mj_step(mj, data, every)
-        if data.time < (k + 0.5) * every * STEP:  # a step back in time: it was reset
+        if data.time < (k + 0.5) * every * MUJOCO_STEP:  # a step back in time: it was reset
             break
     return {name: found[:, i] for i, name in enumerate(model.states[: 2 * n])}
 

@@ -20,7 +20,7 @@ TINY, SENSITIVE = 1e-5, 300.0
 """Of inputs that differ by this part, runs that differ by so many times more tell nothing of a target."""
 FASTEST = 2.5e5
 """Rates in 1/s above which no fixed step of 10 µs or more is stable."""
-COMMANDED = 0.35
+COMMANDED_AMPLITUDE = 0.35
 """Size of the waves in rad where a position is commanded."""
 EXCITATION_SIZES = tuple(base * 10.0**power for power in range(-3, 5) for base in (1.0, 2.0, 5.0))
 MAX_STANDING_SHARE = 0.15
@@ -38,7 +38,7 @@ def standard_excitation(model: Model) -> ExportedDrive:
     t = np.arange(0.0, EXCITATION_TIME, EXCITATION_STEP)
     wave = np.sin(2 * np.pi * SLOW_SINE * t) + 0.5 * np.sin(2 * np.pi * FAST * t)
     if "goal_position" in model.inputs:
-        return _on_first(model, t, COMMANDED * wave)
+        return _on_first(model, t, COMMANDED_AMPLITUDE * wave)
     drive = _on_first(model, t, EXCITATION_SIZES[0] * wave)
     for size in EXCITATION_SIZES:
         larger = _on_first(model, t, size * wave)

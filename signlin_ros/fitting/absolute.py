@@ -16,10 +16,10 @@ from signlin_ros.fitting.inverses import bounded_step
 from signlin_ros.fitting.problem import Problem
 
 Array = NDArray[np.float64]
-STARTS, APART = 8, 0.15
+ABSOLUTE_STARTS, APART = 8, 0.15
 """Starts of a fit, since a run that sticks has many local minima, and how far apart they are, in coordinates, or of
 their standard error of the prior where that is less."""
-STEPS, MIN_OBJECTIVE_FALL, MAX_DAMPING = 25, 1e-3, 1e6
+MAX_ABSOLUTE_STEPS, MIN_OBJECTIVE_FALL, MAX_DAMPING = 25, 1e-3, 1e6
 """Most steps of a fit; the fall of -2 log likelihood at which it ends; damping from which on a step is none."""
 
 
@@ -36,7 +36,7 @@ def least_absolute(problem: Problem, c: Candidate, theta: Array, seed: int = 1) 
     and from others around them.
     """
     g, spread = np.random.default_rng(seed), np.array([k.spread for k in c.coordinates])
-    around = g.standard_normal((STARTS - 1, theta.size)) * np.minimum(APART, spread)
+    around = g.standard_normal((ABSOLUTE_STARTS - 1, theta.size)) * np.minimum(APART, spread)
     found = [_descended(problem, c, np.clip(theta + step, *c.bounds)) for step in (np.zeros(theta.size), *around)]
     return min((f for f in found if f), key=lambda f: f[0], default=(0.0, theta))[1]
 
@@ -44,7 +44,7 @@ def least_absolute(problem: Problem, c: Candidate, theta: Array, seed: int = 1) 
 def _descended(problem: Problem, c: Candidate, theta: Array) -> tuple[float, Array] | None:
     """Return -2 log likelihood of Laplace's distribution, with priors, where a descent ends, and the place."""
     now, damping = _normal(problem, c, theta), 1e-3
-    for _ in range(STEPS if now else 0):
+    for _ in range(MAX_ABSOLUTE_STEPS if now else 0):
         if now is None or damping > MAX_DAMPING:
             break
         new = bounded_step(theta, now[1], now[2], damping, *c.bounds)

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 MIN_STEP_OVER_SETTLING = 10.0
 """Time constants in a step from which on a state follows at once."""
-MIN_SAMPLES = 3
+MIN_COMPARED_SAMPLES = 3
 """Samples from which on changes are compared."""
 INSTRUMENTS = (2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0)
 """Time constants in samples of the low-passed inputs that foretell how the velocity changes."""
@@ -82,7 +82,7 @@ def reads_before(model: Model, data: Sequence[ModelData]) -> bool:
 
 
 def _goes_with_earlier(model: Model, data: Sequence[ModelData], name: str) -> bool:
-    rows = [_changes(model, one, name) for one in data if len(one) > MIN_SAMPLES]
+    rows = [_changes(model, one, name) for one in data if len(one) > MIN_COMPARED_SAMPLES]
     if not rows:
         return False
     shown, X, Z = (np.concatenate(parts) for parts in zip(*rows, strict=True))

@@ -23,7 +23,7 @@ MIN_PART_SAMPLES, MIN_SHARED_SAMPLES = LEAST_SAMPLES // 2, LEAST_SAMPLES // 4
 """Its parts between gaps, or several records, need half of them, or a quarter, where they have as many only together:
 what is simulated through a gap tells nothing.
 """
-MIN_WHOLE_SHARE, WHOLE, MAX_STEPS_APART, MIN_STEP = 0.95, 0.1, 50, 1e-9
+MIN_WHOLE_SHARE, MAX_STEP_DEVIATION, MAX_STEPS_APART, MIN_STEP = 0.95, 0.1, 50, 1e-9
 """A channel is shown in steps if this share of the distances between neighbouring values, of those up to so many steps,
 are whole multiples of one, to so much of it; the least step, as a share of the range.
 """
@@ -37,7 +37,7 @@ MAX_UNKNOWN_DIRECTION = 0.05
 """Share of the samples up to which those where the direction of an imposed velocity is not known are left out."""
 
 
-MAX_SAMPLES, STRETCHES = 400_000, 10
+MAX_SAMPLES, MAX_STRETCHES = 400_000, 10
 """Most samples of the training, and of the validation data, that anything is computed of, in so many stretches: more
 only make standard errors smaller than models are wrong."""
 
@@ -86,7 +86,7 @@ def spread(sizes: Sequence[int], closed_loop: bool) -> list[Stretch]:
     """Return stretches of records of some sizes, spread evenly, `MAX_SAMPLES` together at most; whole records where
     these have no more, and of a plant in a closed loop: it is run from where its records begin.
     """
-    total, size = sum(sizes), MAX_SAMPLES // STRETCHES
+    total, size = sum(sizes), MAX_SAMPLES // MAX_STRETCHES
     if closed_loop or total <= MAX_SAMPLES:
         return [Stretch(i, 0, n) for i, n in enumerate(sizes)]
     places = [Stretch(i, first, min(size, n - first)) for i, n in enumerate(sizes) for first in range(0, n, size)]
@@ -153,7 +153,7 @@ def _step_shown(values: Array) -> float:
         return 0.0
     step = float(np.median(steps[steps < 1.5 * steps.min()]))
     times = steps[steps < MAX_STEPS_APART * step] / step
-    whole = np.abs(times - np.round(times)) < WHOLE
+    whole = np.abs(times - np.round(times)) < MAX_STEP_DEVIATION
     return step if whole.mean() > MIN_WHOLE_SHARE and 2 * times.size > steps.size else 0.0
 
 

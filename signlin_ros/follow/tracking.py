@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 RICCATI_DOUBLINGS = 14
 """The Riccati equation is followed over 2^14 samples: what is not observable never settles."""
-FINER = 16
+FINER_SAMPLES = 16
 """Times as many samples on which a model carries what leaves all bounds on those that there are."""
 MAX_EXPONENT_NORM = 8.0
 """Norm of a matrix beyond which nothing is left of its smallest parts in its exponential."""
@@ -185,8 +185,8 @@ def driven(
 def _finer(
     model: Model, t: Array, u: Array, y: Array, names: tuple[str, ...], sizes: Array, early: Early, p: Array | None
 ) -> Tracker:
-    """Return a tracker of states y (T, names) on `FINER` samples for each, between which they are linear."""
-    at = np.arange(FINER * t.size) / FINER
+    """Return a tracker of states y (T, names) on `FINER_SAMPLES` samples for each, between which they are linear."""
+    at = np.arange(FINER_SAMPLES * t.size) / FINER_SAMPLES
     rows, fine = at.astype(int), np.interp(at, np.arange(t.size + 1), np.append(t, 2 * t[-1] - t[-2]))
     shown = np.column_stack([np.interp(fine, t, column) for column in y.T])
     return Tracker(model, fine, u[rows], shown, names, sizes, fine - np.asarray(t - early)[rows], p)

@@ -42,7 +42,7 @@ MIN_EXPLAINED = 0.85
 """Share of what the squared innovations exceed the usual by, which a hypothesis must take away to be named."""
 DOUBTS = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0)
 """Trusts of the model that a hypothesis must be likelier than: that it is wrong in something, and nobody says what."""
-MIN_BLOCKS, ALLOWED_ERRORS = 8, 2.0
+MIN_COMPARED_BLOCKS, ALLOWED_ERRORS = 8, 2.0
 """Blocks of a second that tell whether a model is as good as it was, and by how many standard errors it may differ."""
 SHIFT_LEAD, CHANGE_TOLERANCE, CHANGE_MOMENT = 2.0, 0.1, 1e-9
 """Seconds before the change with which a shift of a sensor is seen; by how much the change may be dated wrongly; what
@@ -201,7 +201,7 @@ class _Scores:
         differ by more than their standard error allows.
         """
         was, now = self._blocks(self.before), self._blocks(self.since)
-        if min(was.size, now.size) < MIN_BLOCKS:
+        if min(was.size, now.size) < MIN_COMPARED_BLOCKS:
             return False
         error = float(np.sqrt(was.var(ddof=1) / was.size + now.var(ddof=1) / now.size))
         return bool(now.mean() - was.mean() <= ALLOWED_ERRORS * error)

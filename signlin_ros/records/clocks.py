@@ -25,7 +25,7 @@ DAY, MILLISECOND, MILLIONTH, DAYS = 86400.0, 1e-3, 1e-6, (2e4, 8e4)
 """Seconds of a day, of a millisecond, a millionth; dates of this time, in days since 1899."""
 _NUMBERED = re.compile(r"(.*?)[ _]?(?:\(column \d+\)|\d+)?\Z")
 """A name, and the number behind it that tells it from others."""
-NEAR = 0.1
+MAX_CLOCK_DIFFERENCE = 0.1
 """Part of a step by which two clocks differ that are one."""
 MIN_TICKS, CLOCKS_APART = 5.0, 10.0
 """A clock has gone on by so many of its steps before it is held against another, and by which factor two differ that
@@ -58,7 +58,7 @@ def one_clock(table: RawTable) -> RawTable:
     if not clocks:
         return table
     first = clocks[0]
-    apart = NEAR * float(np.median(np.diff(first.t)))
+    apart = MAX_CLOCK_DIFFERENCE * float(np.median(np.diff(first.t)))
     if all(np.array_equal(c.known, first.known) and np.abs(c.t - first.t).max() < apart for c in clocks):
         return _without(table, places[1:], "all times are the same to a part of a step: the first is taken")
     names = ", ".join(repr(table.headings[k].label) for k in places)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from signlin_ros.model import Model
     from signlin_ros.records.mapping import ModelData
 
-NEAR = 1e-6
+MAX_CONDITION_DIFFERENCE = 1e-6
 """Relative difference of two values of a condition that are the same."""
 
 
@@ -84,7 +84,7 @@ def held_apart(
 
 
 def _is(record: ModelData, name: str, value: float) -> bool:
-    return name in record.conditions and abs(record.conditions[name] - value) <= NEAR * abs(value)
+    return name in record.conditions and abs(record.conditions[name] - value) <= MAX_CONDITION_DIFFERENCE * abs(value)
 
 
 def _value(record: Record, name: str, spec: str | None) -> tuple[float | None, str]:

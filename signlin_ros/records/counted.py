@@ -33,7 +33,7 @@ _LONGEST_DATED_STEP = 1e-5
 """A time that reads as such a date, with smaller steps than this, is in days: in s it would be one of 100 kHz."""
 _COUNTERS, _MOST_STEPS_OVER = (8, 16, 24, 32), 3.0
 """Bits of counters that a time may be of; steps from row to row, in usual ones, over which one overflows."""
-SLOWEST = 60.0
+MAX_ROW_TIME = 60.0
 """A recorder does not take longer from row to row, in s."""
 _FASTEST = 1e-7
 """Nor is one of a drive faster than this: steps that would be shorter are not in the unit that is stated."""
@@ -118,9 +118,9 @@ def _check_finite(table: RawTable, t: Array) -> None:
 def _epoch(first: float, step: float) -> str:
     """The unit in which a time counts from 1970, or the days of a spreadsheet's dates; "" where it does neither."""
     for unit, size in _EPOCHS.items():
-        if _SINCE < first * size < _UNTIL and step * size < SLOWEST:
+        if _SINCE < first * size < _UNTIL and step * size < MAX_ROW_TIME:
             return unit
-    if any(_SINCE < first * 1e-7 - before < _UNTIL for before in _TICKS) and step * 1e-7 < SLOWEST:
+    if any(_SINCE < first * 1e-7 - before < _UNTIL for before in _TICKS) and step * 1e-7 < MAX_ROW_TIME:
         return "100ns"
     dated = any(least < first < most for least, most in _DATES)
     return "day" if dated and 0.0 < step < _LONGEST_DATED_STEP else ""
@@ -170,4 +170,4 @@ def _doubted(head: Heading, unit: str, rows: int, step: float) -> list[Note]:
     return [Note(said, "unit_of_time", "t")]
 
 
-__all__ = ["CALENDAR", "SLOWEST", "Times", "asked", "column_of", "from_first"]
+__all__ = ["CALENDAR", "MAX_ROW_TIME", "Times", "asked", "column_of", "from_first"]

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from signlin_ros.model import Model
 
 _SHEET = "a workbook; save the sheet with the record as CSV (UTF-8), and give that"
-WAYS = {
+ADVICE_BY_KIND = {
     **dict.fromkeys((".xlsx", ".xls", ".xlsm", ".ods", ".numbers"), _SHEET),
     ".bag": "a recording of ROS 1; `rosbags-convert --src FILE --dst FOLDER` makes one of ROS 2 of it",
     ".ulg": "a log of PX4; `ulog2csv FILE` (pip install pyulog) makes CSV files of it, one for each topic",
@@ -262,7 +262,7 @@ def _check_there(file: Path, source: str) -> None:
         hint = next((way for mark, way in NO_FILES.items() if mark in source or mark == f"={source}"), hint)
         raise RecordError(f"{source}: no such file or folder{hint}")
     known = (*TEXT, *PACKED, *ECHOES, *TABLES, *LOGS, *BAGS)
-    if file.is_file() and file.suffix.lower() in WAYS:
-        raise RecordError(f"{source}: {WAYS[file.suffix.lower()]}")
+    if file.is_file() and file.suffix.lower() in ADVICE_BY_KIND:
+        raise RecordError(f"{source}: {ADVICE_BY_KIND[file.suffix.lower()]}")
     if file.is_file() and file.suffix.lower() not in known and not _is_text(file):
         raise RecordError(f"{source}: {_unknown(file)}")

@@ -25,7 +25,7 @@ Index = NDArray[np.intp]
 
 MAX_OUTLIER_RUN = 3
 """Most samples in a row that are off."""
-MIN_OUTLIER_DEVIATIONS, BEYOND, MIN_OVER_NEIGHBOURS = 20.0, 3.0, 5.0
+MIN_OUTLIER_DEVIATIONS, MIN_OVER_USUAL, MIN_OVER_NEIGHBOURS = 20.0, 3.0, 5.0
 """How far off they are: in robust standard deviations of such departures, in multiples of their `USUAL` quantile, and
 of how far apart the neighbours are."""
 MIN_OUTLIER_STEPS = 5.0
@@ -68,7 +68,7 @@ def without_outliers(record: ModelData, channels: tuple[str, ...]) -> tuple[Mode
 
 def wild(record: ModelData, name: str, inert: bool = True) -> NDArray[np.bool_]:
     """Return which samples (T,) of a measured signal are off: the seldom ones (`without_outliers`), and more of them
-    where each lies between neighbours that agree, `BEYOND` times further off than any other sample is.
+    where each lies between neighbours that agree, `MIN_OVER_USUAL` times further off than any other sample is.
 
     ``inert``: no step of an input moves it for a sample or two, as a position or a velocity; a current leaps with it.
     """
@@ -112,9 +112,9 @@ def _set_apart(
     at: Index, y: Array, calm: NDArray[np.bool_], few: int, others: int = MIN_MOTION_PEAKS
 ) -> NDArray[np.intp]:
     """Return the samples of y (T,), where it is ``calm``, that depart from both neighbours and come back, further than
-    all others: between the least of them, more than ``few``, and the next peak of the motion is a factor `BEYOND`.
-    ``at`` (T,): places of the samples, between which others may be left out; ``others``: peaks that there are at least
-    besides, and as many as are found; 0: none.
+    all others: between the least of them, more than ``few``, and the next peak of the motion is a factor
+    `MIN_OVER_USUAL`. ``at`` (T,): places of the samples, between which others may be left out; ``others``: peaks that
+    there are at least besides, and as many as are found; 0: none.
     """
     least, found = MIN_OUTLIER_STEPS * _steps(y), np.zeros(y.size, dtype=np.bool_)
     for length in range(1, PAIR + 1):
@@ -125,11 +125,11 @@ def _set_apart(
         sizes, after = away[peaks], np.append(away[peaks[1:]], 0.0)
         floor = np.maximum(MIN_OUTLIER_DEVIATIONS * float(np.median(away)) / NORMAL_QUARTILE, least[1 + peaks])
         last = np.arange(1, sizes.size + 1)
-        beyond = (sizes > floor) & (sizes > BEYOND * after) & (last > few) & (last <= MAX_WILD_SHARE * y.size)
+        beyond = (sizes > floor) & (sizes > MIN_OVER_USUAL * after) & (last > few) & (last <= MAX_WILD_SHARE * y.size)
         if others:
             enough = np.maximum(last, others)
             for k in np.flatnonzero(beyond & (sizes.size - last < enough)).tolist():
-                beyond[k] = sizes[k] > BEYOND * _longest_way(apart, peaks[: k + 1], length, int(enough[k]))
+                beyond[k] = sizes[k] > MIN_OVER_USUAL * _longest_way(apart, peaks[: k + 1], length, int(enough[k]))
         if not beyond.any():
             continue
         limit = sizes[beyond].min()
@@ -239,7 +239,7 @@ def _unusual(away: Array, length: int) -> float:
         peak = int(np.nanargmax(rest))
         rest[max(peak - length, 0) : peak + length + 1] = np.nan
     usual = np.nanquantile(rest, USUAL)
-    return float(max(MIN_OUTLIER_DEVIATIONS * np.median(away) / NORMAL_QUARTILE, BEYOND * usual))
+    return float(max(MIN_OUTLIER_DEVIATIONS * np.median(away) / NORMAL_QUARTILE, MIN_OVER_USUAL * usual))
 
 
 def _off_at_the_end(y: Array, least: float) -> int:

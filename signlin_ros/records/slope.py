@@ -14,7 +14,7 @@ Array = npt.NDArray[np.float64]
 
 MIN_SPLINE_SAMPLES = 6
 """Fewer samples make no spline."""
-MIN_RATE_SAMPLES, MAX_HELD_SHARE, MIN_LIKELIHOOD_GAIN = 100, 0.7, 50.0
+MIN_RATE_SAMPLES, MAX_HELD_SHARE, MIN_HELD_RATE_GAIN = 100, 0.7, 50.0
 """Samples that tell whether a rate was held; the largest share that held rates may leave of what smooth ones do; and by
 how much -2 log likelihood must be less with them if it is more."""
 PIECE = 3000
@@ -71,7 +71,7 @@ def held_slope(t: Array, values: Array, smooth: Array, effort: Array) -> Array |
     levels = [_left(f - f.mean(axis=0), effort[there] - effort[there].mean()) for f in features]
     changes = [_left(np.diff(f, axis=0), np.diff(effort[there])) for f in features]
     shares = [after / max(before, 1e-300) for before, after in (levels, changes)]
-    clearly = min(shares) < MAX_HELD_SHARE or max(shares) < np.exp(-MIN_LIKELIHOOD_GAIN / np.count_nonzero(there))
+    clearly = min(shares) < MAX_HELD_SHARE or max(shares) < np.exp(-MIN_HELD_RATE_GAIN / np.count_nonzero(there))
     if not clearly or max(shares) > 1.0:
         return None
     rate[-1] = rate[-2]

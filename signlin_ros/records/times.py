@@ -14,7 +14,7 @@ from signlin_ros import units
 from signlin_ros.errors import RecordError
 from signlin_ros.records import grammar
 from signlin_ros.records.clocks import contradicted, of_days
-from signlin_ros.records.counted import CALENDAR, SLOWEST, Times, asked, column_of, from_first
+from signlin_ros.records.counted import CALENDAR, MAX_ROW_TIME, Times, asked, column_of, from_first
 from signlin_ros.records.header import TIME_KEYS, Heading, clock, names_a_time, pair, unit_of_time
 from signlin_ros.records.notes import Note
 from signlin_ros.records.table import listing, nearest
@@ -285,7 +285,7 @@ def _are_two(first: Array, second: Array) -> bool:
     """Whether two columns of whole numbers are seconds, and nanoseconds beyond them."""
     steps = np.diff(first)
     within = second.min() >= 0 and second.max() < 1e9 and second.max() >= 1e3
-    return bool(within and (steps >= 0).mean() > 0.9 and np.median(steps) <= SLOWEST)
+    return bool(within and (steps >= 0).mean() > 0.9 and np.median(steps) <= MAX_ROW_TIME)
 
 
 def _without_names(table: RawTable) -> Times | None:

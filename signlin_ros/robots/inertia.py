@@ -68,10 +68,10 @@ def least_eigenvalue(pi: Array) -> float:
 def least_eigenvalue_along(pi: Array) -> tuple[float, Array]:
     """Return the smallest eigenvalue of the pseudo-inertia, and by how much it grows with each parameter (10,)."""
     values, vectors = np.linalg.eigh(pseudo_inertia(pi))
-    return float(values[0]), np.einsum("i,aij,j->a", vectors[:, 0], UNITS, vectors[:, 0])
+    return float(values[0]), np.einsum("i,aij,j->a", vectors[:, 0], UNIT_PSEUDO_INERTIAS, vectors[:, 0])
 
 
-UNITS = np.stack([pseudo_inertia(unit) for unit in np.eye(TEN)])
+UNIT_PSEUDO_INERTIAS = np.stack([pseudo_inertia(unit) for unit in np.eye(TEN)])
 """Pseudo-inertias (10, 4, 4) of a unit of each parameter."""
 
 
@@ -79,7 +79,7 @@ __all__ = [
     "INERTIAL_NAMES",
     "INERTIAL_UNITS",
     "TEN",
-    "UNITS",
+    "UNIT_PSEUDO_INERTIAS",
     "about_centre",
     "from_pseudo_inertia",
     "inertia_matrix",

@@ -94,7 +94,7 @@ def test_what_was_before_a_late_input_counts_as_much_as_the_rest():
 
 def test_of_records_too_long_even_stretches_are_used_and_told(monkeypatch):
     monkeypatch.setattr(segments, "MAX_SAMPLES", 1000)
-    monkeypatch.setattr(segments, "STRETCHES", 5)
+    monkeypatch.setattr(segments, "MAX_STRETCHES", 5)
     model = motor()
     whole = record(model, ("current", "speed"), steps(8.0))
     known, unseen = prepare_module.prepared(model, [whole, whole.part(0, 900)], [whole.part(0, 800)])

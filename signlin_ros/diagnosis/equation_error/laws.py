@@ -40,7 +40,7 @@ KEY = "candidate"
 """The key under which a law is tried in a model."""
 GRID = 160
 """Most points of a law's grid."""
-WAYS = (1.0, 0.2, 0.04)
+MEMORY_SHARES = (1.0, 0.2, 0.04)
 """What a law remembers may go back over a way that is so much shorter than its starts say."""
 
 
@@ -268,7 +268,7 @@ def grid(law: LawRegressor, scale: Scale) -> list[Shape]:
     """Return the shapes that are tried: those of the effect's own starts, each once; waves are scanned for."""
     if law.effect.periodic or isinstance(law, Ripple):
         return []
-    ways = WAYS if law.effect.states else WAYS[:1]
+    ways = MEMORY_SHARES if law.effect.states else MEMORY_SHARES[:1]
     scales = [replace(scale, travel=scale.travel * way) for way in ways]
     points = list(dict.fromkeys(_reference(law, start) for s in scales for start in law.effect.starts(s)))
     return points[:: max(1, -(-len(points) // GRID))]

@@ -31,7 +31,7 @@ GENERATIONS = (0.15, 0.15, 0.05)
 wrong load loses it, and what it leaves then says nothing of which way the right one lies."""
 FEWEST_PARENTS = 3
 """Points of which another is bred."""
-BEYOND = 1.0
+MAX_BEYOND_STARTS = 1.0
 """How far beyond all starts a point may get (log): an observer may make of it a disturbance that it follows."""
 DIFFERENCE, JITTER = 0.7, 0.15
 """Part of the difference of two points that is added to a third one, and the spread of what is drawn besides (log)."""
@@ -57,7 +57,7 @@ def evolved_fit(
 
     def real(f: Fit) -> bool:
         values = _values(c, index, f.theta)
-        within = np.all(np.abs(np.log(values) - low - size / 2.0) <= size / 2.0 + BEYOND)
+        within = np.all(np.abs(np.log(values) - low - size / 2.0) <= size / 2.0 + MAX_BEYOND_STARTS)
         return bool(within) and trial.effect.plausible({**trial.starts[0], **dict(zip(index, values, strict=True))})
 
     def followed(wander: float, steps: int, thetas: Sequence[Array]) -> list[Fit]:

@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 
 CROSS_VALIDATION_FOLDS, MIN_FOLDS = 8, 5
 """Parts that are left out in turn, at most and at least."""
-FOLD_BLOCK, MIN_FOLD_SAMPLES, LENGTHS = 0.25, 50, 2.0
+FOLD_BLOCK, MIN_FOLD_SAMPLES, RESPONSE_LENGTHS = 0.25, 50, 2.0
 """Blocks of which these parts are made have at least so many s, so many samples and so many lengths of the observer's
 response: else what a wandering state leaves would be predicted by what it left just before."""
 MAX_TESTED_SAMPLES, MIN_SAMPLES_PER_FUNCTION, TEST_RIDGE = 30_000, 10, 1e-5
@@ -46,7 +46,7 @@ of a response that counts as nearly all of it."""
 
 
 @dataclass(frozen=True)
-class Regression:
+class ResidualRegression:
     """A residual (T, ny) in units of the noise, and functions (T, ny, k) of the motion that may predict it; ``fold``
     (T,): which part a sample is left out with, ``used`` (folds, k): which functions predict that part, the first
     ``plain`` of them always, the others are patterns over the position.
@@ -127,7 +127,7 @@ def dependence(problem: Problem, f: Fit, criteria: Criteria) -> Array:
     if problem.base.plant.velocity in c.model.states:
         model = f.fitted()
         seen = ((response(problem, model, gains), gains) for gains in problem.observer_gains[::-1])
-        sizes = [(max(least, ceil(LENGTHS * _length(r))), r, gains) for r, gains in seen]
+        sizes = [(max(least, ceil(RESPONSE_LENGTHS * _length(r))), r, gains) for r, gains in seen]
         looks = [one for one in sizes if 2 * CROSS_VALIDATION_FOLDS * one[0] <= samples]
         looks += [one for one in sizes[-1:] if MIN_FOLDS * one[0] <= samples]
     found = _regression(problem, f, *looks[0]) if looks else None
@@ -137,7 +137,9 @@ def dependence(problem: Problem, f: Fit, criteria: Criteria) -> Array:
     return np.where(whole - plain > criteria.max_dependent_share, whole, plain)
 
 
-def _regression(problem: Problem, f: Fit, block: int, seen: Array | None, gains: ObserverGains) -> Regression | None:
+def _regression(
+    problem: Problem, f: Fit, block: int, seen: Array | None, gains: ObserverGains
+) -> ResidualRegression | None:
     """Return functions of a fit's motion as an observer leaves them, and its residual; ``block``: samples that are left
     out together. None where the motion is lost.
     """
@@ -160,7 +162,7 @@ def _regression(problem: Problem, f: Fit, block: int, seen: Array | None, gains:
         features.append(np.where(np.isfinite(e)[:, :, None], left, 0.0))
     count = features[0].shape[2] - 2 * len(every)
     of_fold = [[True] * count + [one in own for one in every for _ in range(2)] for own in chosen]
-    return Regression(np.concatenate(features), np.concatenate(residuals), fold, np.array(of_fold), count)
+    return ResidualRegression(np.concatenate(features), np.concatenate(residuals), fold, np.array(of_fold), count)
 
 
 def _folds(samples: Sequence[int], block: int) -> NDArray[np.int_]:

@@ -21,7 +21,7 @@ from signlin_ros.records.table import Rows
 
 Array = npt.NDArray[np.float64]
 
-UNITS = {
+ENTRIES = {
     "timestamp": ("t", "s"),
     "position": ("position", "rad"),
     "speed": ("speed", "rad/s"),
@@ -61,7 +61,7 @@ def table_of(content: Any, source: str) -> RawTable:
         if column is None:
             notes.append(Note(f"entry {name!r} holds no numbers and is left out", "left_out", name))
             continue
-        plain, unit = UNITS.get(name, (name, ""))
+        plain, unit = ENTRIES.get(name, (name, ""))
         headings.append(heading(f"{plain} [{unit}]" if unit else plain, number))
         columns.append(_signed(name, column, notes))
     if not columns:

@@ -9,13 +9,15 @@ from typing import Any
 
 import numpy as np
 
-TABLES = frozenset({"Aclass", "name", "dataInfo", "data_2"})
+MODELICA_VARIABLES = frozenset({"Aclass", "name", "dataInfo", "data_2"})
 """Variables of every such file."""
 
 
 def is_result(variables: Mapping[str, Any]) -> bool:
     """Tell whether variables are those of a result, and no other file's."""
-    return variables.keys() >= TABLES and any("trajectory" in str(row) for row in np.ravel(variables["Aclass"]))
+    return variables.keys() >= MODELICA_VARIABLES and any(
+        "trajectory" in str(row) for row in np.ravel(variables["Aclass"])
+    )
 
 
 def arrays(variables: Mapping[str, Any]) -> dict[str, Any]:
