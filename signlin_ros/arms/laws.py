@@ -74,17 +74,25 @@ WORKED_OUT = frozenset(law.effect for law in (*BASIC, *EXTRA, *ASKED))
 class Loads:
     """What the rigid body of a model exerts on the joints at every sample of some pieces, and its motors' efforts.
 
-    ``friction``: the laws of friction beside it, as place, law, shape and coefficient.
+    ``friction``: the laws of friction beside it, as place, law, shape and coefficient; ``own``: what a record's own
+    payload adds to the inertial parameters (10 n,), by the record's name.
     """
 
-    def __init__(self, robot: Robot, pi: Array, friction: Sequence[tuple[int, JointLaw, float, float]] = ()) -> None:
-        self.robot, self.pi, self.friction = robot, pi, friction
+    def __init__(
+        self,
+        robot: Robot,
+        pi: Array,
+        friction: Sequence[tuple[int, JointLaw, float, float]] = (),
+        own: Mapping[str, Array] | None = None,
+    ) -> None:
+        self.robot, self.pi, self.friction, self.own = robot, pi, friction, own or {}
         self._known: dict[int, Array] = {}
 
     def of(self, piece: ArmSegment) -> Array:
         """Return forces and torques of the rigid body (T, K) where effects act."""
         if id(piece) not in self._known:
-            found = inverse_dynamics(self.robot, piece.q, piece.v, piece.a, self.pi)
+            pi = self.pi + self.own.get(piece.run.source, 0.0)
+            found = inverse_dynamics(self.robot, piece.q, piece.v, piece.a, pi)
             n = self.robot.n
             parted = [int(np.flatnonzero(row)[0]) for row in piece.motors[n:]]
             self._known[id(piece)] = np.concatenate([found @ np.linalg.inv(piece.motors[:n]), found[:, parted]], axis=1)

@@ -93,12 +93,17 @@ def _beside(
     return Loaded(sources, masses, own_errors), float(np.nanmax(fall))
 
 
-def sentence(found: Loaded, names: Sequence[str], link: str, least: float) -> str:
-    """Return what is said of records whose payloads differ."""
-    rows = zip(names, found.masses, found.errors, strict=True)
-    more = [f"{name} {mass:.3g} ± {error:.1g} kg" for name, mass, error in rows if mass > least * error > 0.0]
-    said = f"payload on {link}: {', '.join(more)} more than {names[found.lightest]}"
-    return f"{said}; laws are judged beside that; the table is not, as a model has one payload for all records"
+def heavier_records(found: Loaded, least: float) -> list[int]:
+    """Return the records that carry more than the lightest one by so many standard errors, at least."""
+    heavier: list[int] = np.flatnonzero((found.masses > least * found.errors) & (found.errors > 0.0)).tolist()
+    return heavier
 
 
-__all__ = ["Loaded", "loaded", "payload_in_record", "sentence", "with_payloads"]
+def more_than(found: Loaded, names: Sequence[str], link: str, least: float) -> str:
+    """Return which records carry how much more than which."""
+    rows = [(names[k], found.masses[k], found.errors[k]) for k in heavier_records(found, least)]
+    more = ", ".join(f"{name} {mass:.3g} ± {error:.1g} kg" for name, mass, error in rows)
+    return f"payload on {link}: {more} more than {names[found.lightest]}"
+
+
+__all__ = ["Loaded", "heavier_records", "loaded", "more_than", "payload_in_record", "with_payloads"]

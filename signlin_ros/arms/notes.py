@@ -13,7 +13,7 @@ from signlin_ros.arms.data import gains_of, late_motion
 from signlin_ros.arms.distance import BodyDistance
 from signlin_ros.arms.heldout import MIN_VALIDATION_ERRORS
 from signlin_ros.arms.keys import GAIN, ZERO, Key, SearchResult
-from signlin_ros.arms.loaded import sentence
+from signlin_ros.arms.loaded import more_than
 from signlin_ros.arms.search import MIN_COEFFICIENT_ERRORS
 from signlin_ros.arms.study import Study
 from signlin_ros.arms.warmth import differing
@@ -73,11 +73,17 @@ def settling_notes(study: Study) -> list[str]:
     return [f"{said}: {', '.join(own)}; rows until it has are left out, as those at standstill are"]
 
 
-def _loaded_notes(study: Study) -> list[str]:
+def payloads_of_records(study: Study) -> list[str]:
+    """Return in one sentence, if any do, which records carry how much more than the lightest one."""
     if study.loaded is None:
         return []
     names = [Path(source).name for source in study.loaded.sources]
-    return [sentence(study.loaded, names, study.payload_link, MIN_COEFFICIENT_ERRORS)]
+    return [more_than(study.loaded, names, study.payload_link, MIN_COEFFICIENT_ERRORS)]
+
+
+def _loaded_notes(study: Study) -> list[str]:
+    allowed = "laws are judged beside that; the table is not, as a model has one payload for all records"
+    return [f"{said}; {allowed}" for said in payloads_of_records(study)]
 
 
 def _urdf_notes(study: Study) -> list[str]:
@@ -335,6 +341,7 @@ __all__ = [
     "name_of",
     "of_records",
     "payload_alone",
+    "payloads_of_records",
     "resized_notes",
     "study_notes",
     "unwritten",

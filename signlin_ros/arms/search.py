@@ -45,10 +45,10 @@ from signlin_ros.arms.laws import (
     tilt,
     zero,
 )
-from signlin_ros.arms.loaded import with_payloads
+from signlin_ros.arms.loaded import payload_in_record, with_payloads
 from signlin_ros.arms.piece import RegressionRows
 from signlin_ros.arms.shape import shaped
-from signlin_ros.arms.warmth import Friction, with_sizes
+from signlin_ros.arms.warmth import Friction, sources_of, with_sizes
 from signlin_ros.effects import find_effect
 from signlin_ros.robots import Robot
 from signlin_ros.robots.inertia import TEN, about_centre, moved
@@ -111,7 +111,14 @@ class State:
         """Return the loads of the rigid body as it is estimated, else as it is given."""
         if estimate is None:
             return Loads(self.robot, self.robot.pi + self.carried)
-        return Loads(self.robot, self.body(estimate), self.friction(estimate))
+        return Loads(self.robot, self.body(estimate), self.friction(estimate), self._own_payloads(estimate))
+
+    def _own_payloads(self, estimate: CoefficientEstimate) -> dict[str, Array]:
+        """Return what the payloads of records add to the inertial parameters (10 n,), where they differ."""
+        place = self.payload_at
+        if self.lightest is None or place is None:
+            return {}
+        return {name: payload_in_record(estimate, k, place) for k, name in enumerate(sources_of(*self.both))}
 
     def friction(self, estimate: CoefficientEstimate) -> list[tuple[int, JointLaw, float, float]]:
         """Return the laws of friction that were fitted: place, law, shape and coefficient of each."""

@@ -12,6 +12,7 @@ from signlin_ros.arms.distance import BodyDistance
 from signlin_ros.arms.foretold import foretold_json, forward_json, forward_text, speed_unit
 from signlin_ros.arms.keys import DELAY, GAIN, SEEN_ELSEWHERE, TILT, ZERO, SearchResult
 from signlin_ros.arms.laws import BY_EFFECT
+from signlin_ros.arms.loaded import heavier_records
 from signlin_ros.arms.notes import (
     as_good,
     bent,
@@ -20,6 +21,7 @@ from signlin_ros.arms.notes import (
     name_of,
     of_records,
     payload_alone,
+    payloads_of_records,
     resized_notes,
     study_notes,
     unwritten,
@@ -78,6 +80,7 @@ def diagnosed_json(diagnosis: ArmDiagnosis, text: str, source: str, data: list[s
     content["robot"] = {"payload": payload, "gains": gains, "couplings": couplings}
     content["robot"] |= {**_delays(diagnosis), **_zeros(diagnosis), **_ratios(diagnosis)}
     content["robot"] |= {"tilt": _tilt(diagnosis)} if _tilt(diagnosis) else {}
+    content["robot"] |= _payloads_of_records(study)
     content["notes"] += [
         *heavier_notes(diagnosis),
         *resized_notes(diagnosis),
@@ -287,6 +290,17 @@ def _zeros(diagnosis: ArmDiagnosis) -> dict[str, Any]:
     return {"zeros": found} if found else {}
 
 
+def _payloads_of_records(study: Study) -> dict[str, Any]:
+    """Return by how many kg records carry more than the lightest one, by record."""
+    found = study.loaded
+    if found is None:
+        return {}
+    heavier = heavier_records(found, MIN_COEFFICIENT_ERRORS)
+    return {
+        "payloads": {found.sources[k]: _value(float(found.masses[k]), float(found.errors[k]), "kg") for k in heavier}
+    }
+
+
 def _tilt(diagnosis: ArmDiagnosis) -> dict[str, Any]:
     for found in diagnosis.found:
         if found.key.law == TILT:
@@ -462,9 +476,9 @@ def _robot(diagnosis: ArmDiagnosis, told: Sequence[tuple[int, str]]) -> str:
     said += [why for at, why in told if at < 0]
     if diagnosis.only_payload and diagnosis.payload:
         said.append(payload_alone(diagnosis))
-    found = {f.key.law for f in diagnosis.found}
+    found, own = {f.key.law for f in diagnosis.found}, payloads_of_records(diagnosis.comparison.study)
     wrong = "".join(f"{what}, " for law, what in ((GAIN, "wrong gain"), (ZERO, "wrong zero")) if law not in found)
-    said = said or [f"no payload, {wrong}delay, tilt or coupling is seen"]
+    said = own + (said or [f"no {'other ' if own else ''}payload, {wrong}delay, tilt or coupling is seen"])
     far = ["its bodies are not those of the URDF (see the notes)"] if diagnosis.comparison.bodies.beyond else []
     return "; ".join([*said, *far])
 

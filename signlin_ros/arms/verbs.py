@@ -160,8 +160,11 @@ def _compared(found: Study) -> ArmComparison:
     if _behind_gears(found, basic, rigid):
         basic = settled(found.state())
     elif not found.link_side:
-        found, basic = _in_which_friction_is_known(found, basic)
+        found = _in_which_friction_is_known(found, basic)
+        if len(sources_of(found.rows, found.new)) > 1:
+            found = _beside_payloads(found)
         state, rigid = found.state(), found.rigid().rms
+        basic = settled(state)
     as_given = found.as_given(found.new)
     own = found.new.by_joint(found.left(found.model, found.new))
     table = JointTable(as_given, rigid, basic.rms, own)
@@ -176,19 +179,28 @@ def _compared(found: Study) -> ArmComparison:
     return ArmComparison(found, table, basic, all_data, bodies, beside.matched_rms if state.own else None)
 
 
-def _in_which_friction_is_known(found: Study, basic: CoefficientEstimate) -> tuple[Study, CoefficientEstimate]:
+def _in_which_friction_is_known(found: Study, estimate: CoefficientEstimate) -> Study:
     """Return a study of rows in which friction has set in after a reversal, as far as that takes a distance.
 
     Rows of one joint in which it has not hide those of another.
     """
-    lengths = np.zeros(found.robot.n)
+    lengths = np.zeros(found.robot.n) if found.settling is None else found.settling
     for _ in range(SETTLING_ROUNDS):
-        longer = np.maximum(lengths, settling(found.state(), basic))
+        longer = np.maximum(lengths, settling(found.state(), estimate))
         if (longer == lengths).all():
             break
         lengths, found = longer, found.with_settling(longer)
-        basic = settled(found.state())
-    return found, basic
+        estimate = settled(found.state())
+    return found
+
+
+def _beside_payloads(found: Study) -> Study:
+    """Return a study of rows in which friction has set in, what one record alone carries beside it: that hides it."""
+    whole = found.of_all()
+    found.loaded = _loaded(whole, settled(whole.state()))
+    if found.loaded is None:
+        return found
+    return replace(_in_which_friction_is_known(found, settled(found.state())), loaded=None)
 
 
 def _loaded(whole: Study, all_data: CoefficientEstimate) -> Loaded | None:
@@ -265,10 +277,13 @@ _Told = tuple[ArmDiagnosis, list[Fault], list[Ratio]]
 """A diagnosis without witnesses, the faults that were put right before it, and couplings whose efforts were."""
 
 
-def _put_right(comparison: ArmComparison, progress: Progress) -> _Told:
-    """Return a diagnosis of efforts at the joints, and of records without faults that a model's file can hold."""
+def _put_right(comparison: ArmComparison, progress: Progress, known_faults: frozenset[Key] = frozenset()) -> _Told:
+    """Return a diagnosis of efforts at the joints, and of records without faults that a model's file can hold.
+
+    known_faults : laws that are not asked for.
+    """
     comparison, coupled = _at_joints(comparison, progress)
-    told, before, known_faults = _searched(comparison, progress), list[Fault](), frozenset[Key]()
+    told, before = _searched(comparison, progress, known_faults), list[Fault]()
     while law := next((law for law in FAULTS if faults(told, law)), None):
         progress(FAULTS[law])
         right, runs, laws = put_right(told, law)
@@ -286,17 +301,28 @@ def _put_right(comparison: ArmComparison, progress: Progress) -> _Told:
 def _with_reversals(
     told: _Told, model: ArmModel, known: Sequence[ArmRun], unseen: Sequence[ArmRun], progress: Progress
 ) -> _Told:
-    """Return a diagnosis in a wider band than that of the motion, where a law of reversals shows in it."""
+    """Return a diagnosis in a wider band than that of the motion, where a law of reversals shows in it.
+
+    Beyond the motion, efforts hold what a controller makes of the sensors' noise, which looks like a delay, a gain or
+    an elastic gear: these are what the band of the motion tells.   [Ljung 13.4]
+    """
     study = told[0].comparison.study
     band = band_of_reversals(study, told[0].state, progress)
     if band is None:
         return told
-    wide = _put_right(compare(model, known, unseen, band, progress), progress)
+    wide = _put_right(compare(model, known, unseen, band, progress), progress, _untold(told))
     if not any(map(of_reversals, wide[0].found)):
         return told
     said = f"band: {band:g} Hz, and not that of the motion, {study.band:g} Hz, in which reversals hardly show"
     wide[0].comparison.study.notes.append(said)
     return wide
+
+
+def _untold(told: _Told) -> frozenset[Key]:
+    """Return the faults of records, and the elastic gears, that a diagnosis does not tell."""
+    found, before, _ = told
+    every = {Key(law, i) for law in (*FAULTS, *SEEN_ELSEWHERE) for i in range(-1, found.state.robot.n)}
+    return frozenset(every - {law.key for laws in (found.found, *(fault.laws for fault in before)) for law in laws})
 
 
 def _at_joints(comparison: ArmComparison, progress: Progress) -> tuple[ArmComparison, list[Ratio]]:

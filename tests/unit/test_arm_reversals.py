@@ -1,16 +1,19 @@
 """What happens at reversals is looked for in a wider band than that of the motion."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from signlin_ros.arms.data import ArmRun
+from signlin_ros.arms.faults import delays
 from signlin_ros.arms.piece import chosen_band, widest_band
 from signlin_ros.arms.told import diagnosed_json, effects_named
 from signlin_ros.arms.verbs import diagnose
 from tests.arm_records import record, small
 
 MODEL, ELBOW = small(), 2
-EXCESS, WIDTH = 0.4, 0.06
+EXCESS, WIDTH, GAINS = 0.4, 0.06, 40.0
 
 
 def run(seed, excess):
@@ -43,3 +46,17 @@ def test_the_band_stays_that_of_the_motion_where_nothing_happens_at_reversals():
     found = diagnose(MODEL, [known], [unseen])
     assert found.found == ()
     assert found.comparison.study.band == chosen_band([known, unseen])
+
+
+@pytest.mark.slow
+def test_what_a_controller_makes_of_noise_is_no_delay_in_the_wider_band():
+    """Efforts answer the velocities' noise, whose second derivative is in the regressor of a delay."""
+    rng, runs = np.random.default_rng(5), []
+    for seed in (45, 46):
+        one = run(seed, EXCESS)
+        noise = [2e-2, 2e-2, 1e-3] * rng.normal(size=one.q.shape)
+        runs.append([replace(one, v=one.v + noise, tau=one.tau - GAINS * noise)])
+    found = diagnose(MODEL, *runs)
+    assert found.comparison.study.band == widest_band([*runs[0], *runs[1]])
+    assert effects_named(found) == {ELBOW: ["stribeck_friction"]}
+    assert not delays(found).any()
