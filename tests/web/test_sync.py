@@ -9,7 +9,6 @@ import os
 import shutil
 import signal
 import subprocess
-import time
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
@@ -50,14 +49,20 @@ console.log(JSON.stringify({ most, last, shown, asked }));
 """
 SLOW = """
 const real = window.fetch;
+window.waiting = 0;
 window.fetch = async (where, ...more) => {
-  const answer = await real(where, ...more);
-  const late = String(where).endsWith("/state") && (await answer.clone().json()).busy;
-  if (late) await new Promise((done) => setTimeout(done, 1500));
-  return answer;
+  if (!String(where).endsWith("/state")) return real(where, ...more);
+  window.waiting++;
+  try {
+    const answer = await real(where, ...more);
+    if ((await answer.clone().json()).busy) await new Promise((done) => setTimeout(done, 1500));
+    return answer;
+  } finally {
+    window.waiting--;
+  }
 };
 """
-"""A browser in which answers that say that something runs come late."""
+"""A browser in which answers that say that something runs come late, and that counts the answers it waits for."""
 
 
 def test_what_is_shown_is_never_older_than_what_was_known(tmp_path: Path) -> None:
@@ -76,6 +81,9 @@ def test_what_is_shown_is_never_older_than_what_was_known(tmp_path: Path) -> Non
 def test_a_late_answer_does_not_hide_a_newer_one(
     server: Callable[..., Server], browser: Callable[..., Page], tmp_path: Path
 ) -> None:
+    def seen() -> list[Any]:
+        return page.driver.execute_script("return [window.waiting, document.documentElement.dataset.serial]")
+
     given, page = server(), browser(1280, 800)
     page.driver.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": SLOW})
     page.open(given.address)
@@ -88,8 +96,8 @@ def test_a_late_answer_does_not_hide_a_newer_one(
         else:
             page.click("drop-odd.csv")
         page.wait(lambda: bool(page.driver.find_elements("id", "drop-odd.csv")) == there, "the record")  # noqa: B023
-        given.client().settled(project)
-        time.sleep(3.5)  # two late answers, one after the other, have come by now
+        serial = given.client().settled(project)["serial"]
+        page.wait(lambda: seen() == [0, serial], "the last state, and no answer to come")  # noqa: B023
         assert not page.busy
         assert bool(page.driver.find_elements("id", "drop-odd.csv")) == there
 
