@@ -21,8 +21,8 @@ MOTOR = Model.from_dict(
 
 
 def late(seed: int) -> ModelData:
-    """Return 6 s of a motor with Coulomb friction whose speed is recorded 30 ms late."""
-    random, t = np.random.default_rng(seed), np.arange(1200) * STEP
+    """Return 3 s of a motor with Coulomb friction whose speed is recorded 30 ms late."""
+    random, t = np.random.default_rng(seed), np.arange(600) * STEP
     voltage = drawn_tones(random, t, count=9, band=(0.2, 6.0), fall=0.3, deviation=3.0)
     x = noisy_states(random, MOTOR.with_effect("coulomb_friction", mu=MU), t, voltage, (0.01, 0.15))
     return as_data(MOTOR, t[LATE:], voltage[LATE:], np.column_stack([x[LATE:, 0], x[:-LATE, 1]]))

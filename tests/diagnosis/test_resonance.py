@@ -12,7 +12,7 @@ from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.simulation import simulate
 
-OWN, DT, SAMPLES = 2 * np.pi * 40.0, 1 / 320.0, 3000
+OWN, DT, SAMPLES = 2 * np.pi * 40.0, 1 / 320.0, 1500
 PLANT = Model.load("mass_spring_damper").without_effect("coulomb_friction")
 BASE = PLANT.with_parameters({"m": 2.0, "c": 2 * 0.02 * 2.0 * OWN, "k": 2.0 * OWN**2})
 TIMES = np.arange(SAMPLES) * DT

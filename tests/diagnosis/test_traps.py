@@ -251,7 +251,7 @@ def test_weak_cogging_is_named(tmp_path):
 def test_an_effect_is_named_where_the_input_is_noisy_too(tmp_path):
     """Unexplained: the motion gathers the noise of the force."""
     hidden = {"coulomb_friction": {"mu": 20.0}}
-    model, data, unseen = recorded(tmp_path, AXIS, hidden, only=("displacement",), level=1e-5, seconds=5.0)
+    model, data, unseen = recorded(tmp_path, AXIS, hidden, only=("displacement",), level=1e-5, seconds=3.0)
     found = diagnose(model, noisy_input(data, 0.02, 1), noisy_input(unseen, 0.02, 2))
     assert found.verdict == "missing"
     assert proposed(found) == {"coulomb_friction"}
@@ -304,8 +304,8 @@ def test_a_spring_with_stops_is_no_loop(seeds):
     """
 
     def flapped(seed: int) -> ModelData:
-        rng, t, h = np.random.default_rng(seed), np.arange(2400) * 0.005, 2.5e-4
-        level = np.repeat(rng.uniform(0.0, 7.0, 40), 60)
+        rng, t, h = np.random.default_rng(seed), np.arange(1200) * 0.005, 2.5e-4
+        level = np.repeat(rng.uniform(0.0, 7.0, 20), 60)
         u, q, x, w = level + 0.2 * rng.normal(size=t.size), np.empty_like(t), 0.0, 0.0
         for k, voltage in enumerate(u):
             q[k] = x
