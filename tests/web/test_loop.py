@@ -11,6 +11,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from click.testing import CliRunner
+
+from signlin_ros.cli import signlin
+
 if TYPE_CHECKING:
     from conftest import Page, Server
 
@@ -38,10 +42,9 @@ def environment() -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": os.pathsep.join(places)}
 
 
-def signlin(folder: Path, *arguments: str) -> Any:
-    command = [sys.executable, "-m", "signlin_ros.cli", *arguments, "--json"]
-    done = subprocess.run(command, cwd=folder, capture_output=True, check=True, env=environment())
-    return json.loads(done.stdout)
+def answered(*arguments: str) -> Any:
+    """Return what the command line answers, here in this process."""
+    return json.loads(CliRunner().invoke(signlin, [*arguments, "--json"], catch_exceptions=False).stdout)
 
 
 def printed(content: Any) -> dict[str, dict[str, float]]:
@@ -90,7 +93,7 @@ def test_the_loop_by_clicks_alone(
 
     (project,) = (given.folder / ".signlin").iterdir()
     validation = str(project / "validation.csv")
-    assert printed(signlin(given.folder, "compare", str(project / "export" / "model.yaml"), validation)) == after
+    assert printed(answered("compare", str(project / "export" / "model.yaml"), validation)) == after
 
     script = project / "export" / "replay.sh"
     path = tmp_path / "bin"
