@@ -88,6 +88,23 @@ def measured() -> str:
     )
 
 
+def arms() -> str:
+    """Return the table of simulated arms with one hidden effect."""
+    rows = rows_of("simulated_arms")
+    body = [
+        [r["seed"], r["hidden"].replace("_", " "), share(r["right"], r["of"]), r["neighbour"], r["false_second"]]
+        for r in rows
+    ]
+    text = (
+        "A UR10e under a controller, simulated by another program, its links not those of the URDF: joint and effect "
+        "named, alone or with a tie on that joint; of *none* nothing named. *Neighbour*: a law of another joint, or of "
+        "the robot, is named first; *false second*: another law beside the right one. "
+        "`python -m benchmarks.arms URDF KIND COUNT SEED` repeats a row."
+    )
+    head = ["seed", "hidden", "right", "neighbour", "false second"]
+    return f"\n## Simulated arms\n\n{text}\n\n{table(head, body)}"
+
+
 def drawn() -> str:
     """Return how machines drawn by hand were answered, and which not rightly."""
     rows, before = rows_of("drawn_machines"), rows_of("drawn_machines_first")
@@ -126,7 +143,7 @@ def live() -> str:
 
 def page() -> str:
     """Return the whole page."""
-    return INTRODUCTION + simulated() + drawn() + measured() + live()
+    return INTRODUCTION + simulated() + arms() + drawn() + measured() + live()
 
 
 def main() -> None:
