@@ -73,7 +73,8 @@ class FitDesign:
     """Columns of a regression on the rows of a fit and on unseen ones, each with a prior.
 
     ``known`` (N, k), ``unseen`` (M, k); ``mean`` and ``sd`` (k,), infinite where nothing is known before. Products of
-    columns are worked out once, and only those of new ones when there are more.
+    columns are worked out once, and only those of new ones when there are more: ``before`` is the design of the first
+    of these columns whose products are known.
     """
 
     names: tuple[str, ...]
@@ -95,7 +96,7 @@ class FitDesign:
             np.concatenate([self.unseen, unseen], axis=1),
             np.concatenate([self.mean, np.full(k, mean)]),
             np.concatenate([self.sd, np.full(k, sd)]),
-            self,
+            self if self.worked else self.before,
         )
 
     def products(self, rows: RegressionRows) -> Products:
