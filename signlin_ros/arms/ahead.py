@@ -20,7 +20,7 @@ from signlin_ros.arms.fit import CoefficientEstimate
 from signlin_ros.arms.heldout import MIN_VALIDATION_ERRORS
 from signlin_ros.arms.laws import across_gravity, force, unit_of
 from signlin_ros.arms.loaded import payload_in_record
-from signlin_ros.arms.piece import BLOCK, EDGE, ArmSegment
+from signlin_ros.arms.piece import BLOCK, EDGE_PERIODS, ArmSegment
 from signlin_ros.arms.search import State
 from signlin_ros.arms.warmth import in_record, sources_of
 from signlin_ros.filters import low_pass
@@ -195,7 +195,7 @@ def ahead(state: State, estimate: CoefficientEstimate) -> Ahead:
 
 def _windows(piece: ArmSegment) -> tuple[NDArray[np.int64], int]:
     """Return the first samples of windows, the ends of the piece left out, and how many steps each has."""
-    steps, edge = max(2, round(WINDOW / piece.step)), int(EDGE / piece.band / piece.step) + 1
+    steps, edge = max(2, round(WINDOW / piece.step)), int(EDGE_PERIODS / piece.band / piece.step) + 1
     return np.arange(edge, len(piece.q) - edge - steps - 1, steps), steps
 
 

@@ -22,7 +22,7 @@ MIN_BODY_MASS = 1e-6
 """kg by which a body without a mass is given one."""
 LEAST_BARRIER, WEAKER = 1e-4, 0.2
 """The last weight of the barrier, nothing beside squares in units of their scatter; how much less each weight is."""
-NEWTON_STEPS, HALVINGS, DESCENT, SETTLED = 60, 60, 1e-4, 1e-7
+NEWTON_STEPS, STEP_HALVINGS, DESCENT, MIN_DESCENT = 60, 60, 1e-4, 1e-7
 """Steps for each weight; halvings of one; part of the foretold descent that it needs; descent that ends them."""
 POSITIVE = (".motor_inertia", ".viscous_friction.b", ".coulomb_friction.mu", "payload.m")
 """Ends of the names of coefficients that a model file takes from zero on."""
@@ -117,10 +117,10 @@ def _nearest(H: Array, target: Array, x: Array, barrier: Barrier) -> Array:
             barrier.bend(x, weight, slope, curvature)
             step = -np.linalg.solve(curvature, slope)
             descent = -float(slope @ step)
-            if descent < SETTLED * max(1.0, weight):
+            if descent < MIN_DESCENT * max(1.0, weight):
                 break
             before, length = height(x, weight), 1.0
-            for _ in range(HALVINGS):
+            for _ in range(STEP_HALVINGS):
                 if height(x + length * step, weight) <= before - DESCENT * length * descent:
                     x = x + length * step
                     break

@@ -29,17 +29,17 @@ from signlin_ros.robots import Robot
 
 Array = NDArray[np.float64]
 Rows = tuple[RegressionRows, RegressionRows]
-WHOLE = (1.0, -1.0)
+WHOLE_RATIOS = (1.0, -1.0)
 """Turns of a motor, in those of its own joint, for one of the joint beside it, of which no other is told by chance."""
-STARTS = tuple(sign * size for size in (0.25, 0.35, 0.5, 0.71, 1.0, 1.4, 2.0, 2.8, 4.0) for sign in WHOLE)
+RATIO_STARTS = tuple(sign * size for size in (0.25, 0.35, 0.5, 0.71, 1.0, 1.4, 2.0, 2.8, 4.0) for sign in WHOLE_RATIOS)
 """Ratios from which the best is worked out."""
-LEAST, MOST = 0.1, 10.0
+MIN_RATIO, MAX_RATIO = 0.1, 10.0
 """Sizes of ratios that are told."""
 TRIED = 3
 """Pairs of a motor and a joint that are fitted in earnest, those that promise most."""
-NEAR, SETTLED, STEP = 2.0**0.5, 1e-3, 0.01
+RATIO_REACH, RATIO_ACCURACY, RATIO_STEP = 2.0**0.5, 1e-3, 0.01
 """Factor within which a ratio is looked for about its start, relative error, half a step of a difference quotient."""
-ROUNDS = 8
+MAX_RATIO_ROUNDS = 8
 """Times that ratios are settled beside each other, at most."""
 MOVED = 0.1
 """Standard errors by which ratios move once they are settled beside each other."""
@@ -70,7 +70,7 @@ class Ratio:
 
     def named(self) -> Ratio:
         """Return the ratio that is told: 1 or -1 where it is no other beyond doubt."""
-        near = min(WHOLE, key=lambda whole: abs(self.value - whole))
+        near = min(WHOLE_RATIOS, key=lambda whole: abs(self.value - whole))
         return self if abs(self.value - near) > MIN_COEFFICIENT_ERRORS * self.error else replace(self, value=near)
 
 
@@ -92,7 +92,7 @@ def find_coupling(state: State, estimate: CoefficientEstimate) -> FoundCoupling 
     motors = state.rows.pieces[0].motors[: state.robot.n]
     fixed = fit(estimate.design, state.rows, state.new, estimate.weights)
     pairs = list(_pairs(state.robot, motors))
-    needed = needed_errors(len(pairs) * len(STARTS))
+    needed = needed_errors(len(pairs) * len(RATIO_STARTS))
     best: FoundCoupling | None = None
     for start in _promising(state, fixed, motors, pairs):
         ratio = _settled(state, estimate.design, motors, start)
@@ -127,7 +127,7 @@ def find_coupling_of_efforts(
     new, mix = (state.new, state.rows), _mix(motors, at_motor)
     before = _both_ways(estimate.design, state.both, mix)
     pairs = [(j, i) for j, i in _pairs(state.robot, motors, at_motor) if not {i, j} & state.barred]
-    needed = needed_errors(len(pairs) * len(STARTS))
+    needed = needed_errors(len(pairs) * len(RATIO_STARTS))
     best: FoundCoupling | None = None
     tried = [[ratio] for ratio in _promising(state, estimate, motors, pairs, at_motor)]
     while tried:
@@ -172,7 +172,7 @@ def settled_ratios(
     """
     motors = state.rows.pieces[0].motors[: state.robot.n].copy()
     found = list(ratios)
-    for _ in range(ROUNDS if len(found) > 1 else 0):
+    for _ in range(MAX_RATIO_ROUNDS if len(found) > 1 else 0):
         moved = 0.0
         for k, before in enumerate(found):
             again = _settled(state, estimate.design, motors, before, at_motor)
@@ -232,7 +232,7 @@ def _promising(
     fixed = fit(estimate.design, state.rows, state.new, estimate.weights)
     before, best = fixed.known_rms, dict[tuple[int, int], tuple[float, Ratio]]()
     for j, i in pairs:
-        for value in STARTS:
+        for value in RATIO_STARTS:
             ratio = Ratio(j, i, value, 0.0)
             known = _friction(state, state.rows, j, _changed(motors, ratio))
             if at_motor is not None:
@@ -253,7 +253,7 @@ def _together(
 ) -> list[Ratio]:
     """Return the ratios that are told near some starts, beside each other; none where one is none."""
     found = list(starts)
-    for _ in range(ROUNDS if len(found) > 1 else 1):
+    for _ in range(MAX_RATIO_ROUNDS if len(found) > 1 else 1):
         before = list(found)
         for k, ratio in enumerate(found):
             others = [other for other in found if other is not ratio]
@@ -289,10 +289,12 @@ def _settled(
         estimate, mix = _turning(state, design, motors, replace(start, value=value), at_motor)
         return -float(np.nansum(_log_likelihood(state.rows, _recorded(state.rows, estimate.residual, mix))))
 
-    ends = sorted((start.value / NEAR, start.value * NEAR))
-    best = minimize_scalar(unlikely, bounds=ends, method="bounded", options={"xatol": SETTLED * abs(start.value)})
+    ends = sorted((start.value / RATIO_REACH, start.value * RATIO_REACH))
+    best = minimize_scalar(
+        unlikely, bounds=ends, method="bounded", options={"xatol": RATIO_ACCURACY * abs(start.value)}
+    )
     ratio = replace(start, value=float(best.x))
-    if not LEAST < abs(ratio.value) < MOST:
+    if not MIN_RATIO < abs(ratio.value) < MAX_RATIO:
         return None
     return replace(ratio, error=_error(state, design, motors, ratio, at_motor))
 
@@ -302,7 +304,7 @@ def _named_by_unseen(state: State, design: FitDesign, motors: Array, ratio: Rati
 
     What a law of friction misses bends a ratio by more than its standard error says.
     """
-    named, whole = ratio.named(), replace(ratio, value=min(WHOLE, key=lambda one: abs(ratio.value - one)))
+    named, whole = ratio.named(), replace(ratio, value=min(WHOLE_RATIOS, key=lambda one: abs(ratio.value - one)))
     if named.whole:
         return named
     mix, new = np.eye(len(motors)), (state.new, state.rows)
@@ -325,9 +327,9 @@ def _turning(
 def _error(state: State, design: FitDesign, motors: Array, ratio: Ratio, at_motor: Sequence[bool] | None) -> float:
     """Return the standard error of a ratio beside all that is fitted, by what the fit's efforts change with it."""
     here, _ = _turning(state, design, motors, ratio, at_motor)
-    ends = [replace(ratio, value=ratio.value + way * STEP) for way in (1.0, -1.0)]
+    ends = [replace(ratio, value=ratio.value + way * RATIO_STEP) for way in (1.0, -1.0)]
     sides = [_with(state, design, ratio.motor, _changed(motors, end), unseen=False) for end in ends]
-    slope = ((sides[0].known - sides[1].known) @ here.theta / (2.0 * STEP))[:, None]
+    slope = ((sides[0].known - sides[1].known) @ here.theta / (2.0 * RATIO_STEP))[:, None]
     if at_motor is not None:
         slope = slope - _effort_of(state.rows, motors, at_motor, ratio)
     more = here.design.plus(("ratio",), np.asarray(slope), np.zeros((len(state.new), 1)))

@@ -20,7 +20,7 @@ from signlin_ros.robots.inertia import TEN
 Array = NDArray[np.float64]
 DOUBT = 1e-4
 """Probability of bodies so far from the URDF, if its tolerance is right."""
-LEAST_TOLD = 1e-6
+MIN_INFORMATION_SHARE = 1e-6
 """Information on a combination, in that of the URDF, below which the records do not tell it."""
 
 
@@ -57,7 +57,7 @@ def body_distance(estimate: CoefficientEstimate) -> BodyDistance:
     inner = np.linalg.solve(G[k:, k:], G[k:, :k])
     told = (G[:k, :k] - G[:k, k:] @ inner) * sd[:, None] * sd - np.eye(k)
     values, vectors = np.linalg.eigh(told)
-    kept = values > LEAST_TOLD
+    kept = values > MIN_INFORMATION_SHARE
     values, vectors = values[kept], vectors[:, kept]
     scatter = np.sum((((scores[:, :k] - scores[:, k:] @ inner) * sd) @ vectors) ** 2, axis=0)
     variance = np.maximum(scatter / values**2, 1.0 / values)

@@ -16,7 +16,17 @@ from scipy.stats import chi2
 from signlin_ros.arms.fit import CoefficientEstimate, FitDesign, fit
 from signlin_ros.arms.laws import Loads
 from signlin_ros.arms.piece import RegressionRows
-from signlin_ros.arms.warmth import DOUBT, OPEN, Friction, held, name_of_size, needed, sources_of, with_sizes, within
+from signlin_ros.arms.warmth import (
+    DOUBT,
+    FRICTION_SIZE_SPREAD,
+    Friction,
+    held,
+    name_of_size,
+    needed,
+    sources_of,
+    with_sizes,
+    within,
+)
 
 Array = NDArray[np.float64]
 
@@ -74,8 +84,8 @@ def drift(estimate: CoefficientEstimate, friction: Friction, loads: Loads) -> Dr
     """Return how friction changes within the records of a fit's rows; its form stays, its sizes are free."""
     rows = estimate.rows
     sources = sources_of(rows)
-    design = with_sizes(held(estimate, friction), (rows, rows), friction, loads, OPEN)
-    free = fit(with_changes(design, (rows, rows), friction, loads, OPEN), rows, rows, estimate.weights)
+    design = with_sizes(held(estimate, friction), (rows, rows), friction, loads, FRICTION_SIZE_SPREAD)
+    free = fit(with_changes(design, (rows, rows), friction, loads, FRICTION_SIZE_SPREAD), rows, rows, estimate.weights)
     errors = dict(zip(free.design.names, free.errors().tolist(), strict=True))
     names = [[name_of_change(i, k) for k in range(len(sources))] for i in range(rows.n)]
     changes = np.array([[free[name] if name in errors else 0.0 for name in own] for own in names])

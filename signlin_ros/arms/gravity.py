@@ -18,7 +18,7 @@ from signlin_ros.model.arm import ArmModel
 from signlin_ros.robots import Robot
 
 Array = NDArray[np.float64]
-ROUNDS, SETTLED = 6, 0.1
+MAX_TILT_ROUNDS, TILT_SETTLED = 6, 0.1
 """Times that a tilt is worked out anew, at most; standard errors by which it moves once it is settled."""
 
 
@@ -38,7 +38,7 @@ def settled_tilt(found: Study, state: State, law: SearchResult) -> tuple[ArmMode
     own, values, errors = found.robot.gravity, law.values, law.errors
     gravity, model = turned(found.robot, values), found.model
     motors = state.rows.pieces[0].motors[: found.robot.n]
-    for _ in range(ROUNDS):
+    for _ in range(MAX_TILT_ROUNDS):
         content = {**found.model.to_dict(), "gravity": gravity.tolist()}
         model = ArmModel.from_dict(content, found.model.source, found.model.folder)
         again = study(model, *found.runs, found.band).with_motors(motors)
@@ -46,7 +46,7 @@ def settled_tilt(found: Study, state: State, law: SearchResult) -> tuple[ArmMode
         estimate = settled(here)
         at = [estimate.design.at(name) for name in names_of(law.key)]
         step, errors = estimate.theta[at], estimate.errors()[at]
-        if (np.abs(step) < SETTLED * errors).all():
+        if (np.abs(step) < TILT_SETTLED * errors).all():
             break
         gravity = turned(again.robot, step)
     values = across @ gravity / (gravity @ own) * np.linalg.norm(own)

@@ -15,7 +15,7 @@ MIN_VALIDATION_ERRORS = 2.5
 """Standard errors, of the same sign, on unseen rows."""
 ABOVE_CRAWL = 0.05
 """Part of a joint's fastest speed below which it crawls."""
-LEAST_BLOCKS = 6
+MIN_UNSEEN_BLOCKS = 6
 """Blocks of unseen rows from which on the scatter between them tells an error."""
 
 
@@ -114,7 +114,7 @@ def _slope_errors(before: CoefficientEstimate, trial: CoefficientEstimate, joint
     left, block = before.matched_unseen[own], before.new.block[own]
     change = left - trial.matched_unseen[own]
     size = float(change @ change)
-    if size <= 0.0 or np.unique(block).size < LEAST_BLOCKS:
+    if size <= 0.0 or np.unique(block).size < MIN_UNSEEN_BLOCKS:
         return 0.0
     slope = float(change @ left) / size
     leverage = np.bincount(block, change**2) / size

@@ -25,9 +25,9 @@ SHAPE_VALUES = 6
 """Values of a parameter that does not enter linearly, of which each is tried."""
 POWERS = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8)
 """Powers of a velocity that are tried."""
-ZERO_STEP, ROUNDING = 1e-3, 1e-6
+ZERO_STEP, MIN_EFFORT_SHARE = 1e-3, 1e-6
 """rad (m) by which a position is moved to see what that needs; part of all efforts that is none."""
-NARROW, MAX_SHAPE_SHARE = 0.01, 0.5
+MIN_SHAPE_SHARE, MAX_SHAPE_SHARE = 0.01, 0.5
 """The smallest and the largest of them, as a part of the joint's largest velocity."""
 
 
@@ -177,7 +177,7 @@ def shapes(law: JointLaw, rows: RegressionRows, i: int) -> list[float]:
     fastest = max(float(np.percentile(np.abs(p.speed[:, i]), 99)) for p in rows.pieces)
     noise = max(float(p.noise[i]) for p in rows.pieces)
     values: list[float] = np.geomspace(
-        max(NARROW * fastest, 3.0 * noise), max(MAX_SHAPE_SHARE * fastest, 6.0 * noise), SHAPE_VALUES
+        max(MIN_SHAPE_SHARE * fastest, 3.0 * noise), max(MAX_SHAPE_SHARE * fastest, 6.0 * noise), SHAPE_VALUES
     ).tolist()
     return values
 
@@ -261,7 +261,7 @@ def zero(rows: RegressionRows, i: int, pi: Array) -> Array:
         return np.asarray((sides[0] - sides[1]) / (2.0 * step))[:, :, None]
 
     found = rows.whole(of)
-    seen = np.abs(found).max(initial=0.0) > ROUNDING * np.abs(rows.y).max(initial=0.0)
+    seen = np.abs(found).max(initial=0.0) > MIN_EFFORT_SHARE * np.abs(rows.y).max(initial=0.0)
     return np.asarray(found if seen else np.zeros(found.shape))
 
 

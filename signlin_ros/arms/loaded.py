@@ -20,7 +20,7 @@ from signlin_ros.robots.inertia import INERTIAL_NAMES, TEN, moved
 
 Array = NDArray[np.float64]
 Place = tuple[int, Array, Array]
-OPEN = 1.0
+PAYLOAD_INERTIA_SPREAD = 1.0
 """Standard deviation of a payload's inertia in its link's frame, in kg·m²; of its mass and moments nothing is known."""
 
 
@@ -52,7 +52,7 @@ def with_payloads(
         known, unseen = (c * within(rows, source)[:, None] for c, rows in zip(columns, both, strict=True))
         names = names_in_record(k)
         design = design.plus(names[:4], known[:, :4], unseen[:, :4])
-        design = design.plus(names[4:], known[:, 4:], unseen[:, 4:], 0.0, OPEN)
+        design = design.plus(names[4:], known[:, 4:], unseen[:, 4:], 0.0, PAYLOAD_INERTIA_SPREAD)
     return design
 
 

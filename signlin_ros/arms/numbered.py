@@ -12,13 +12,13 @@ from collections.abc import Sequence
 
 from signlin_ros.robots import Robot
 
-QUANTITIES = {
+QUANTITY_WORDS = {
     "position": ("q", "pos", "position", "angle", "theta"),
     "velocity": ("qd", "dq", "vel", "velocity", "speed", "omega", "qdot"),
     "effort": ("effort", "torque", "tau", "current", "cur", "i", "trq", "moment"),
 }
 """Words in the names of columns that say what they are."""
-COMMANDED = ("target", "desired", "des", "d", "cmd", "command", "ref", "reference", "goal", "set", "control")
+COMMAND_WORDS = ("target", "desired", "des", "d", "cmd", "command", "ref", "reference", "goal", "set", "control")
 """Words of what was asked for, and not measured."""
 _NUMBER = re.compile(r"(?P<before>.*?[^\d]|)(?P<number>\d)(?P<after>(?:[^\d].*|))\Z")
 
@@ -32,8 +32,8 @@ def signals_by_number(columns: Sequence[str], robot: Robot) -> dict[str, str]:
         return {}
     names, found = [robot.names[i] for i in robot.sequence], dict[str, str]()
     groups = _groups(columns, robot.n)
-    for quantity, words in QUANTITIES.items():
-        own = [group for said, group in groups if set(said) & set(words) and not set(said) & set(COMMANDED)]
+    for quantity, words in QUANTITY_WORDS.items():
+        own = [group for said, group in groups if set(said) & set(words) and not set(said) & set(COMMAND_WORDS)]
         if len(own) != 1:
             if quantity == "velocity" and not own:
                 continue

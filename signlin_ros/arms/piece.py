@@ -26,7 +26,7 @@ CRAWL = 0.004
 """The same as a part of the largest velocity."""
 STUCK = 0.15
 """Share of the filter's window at standstill from which on a row is left out."""
-EDGE = 1.2
+EDGE_PERIODS = 1.2
 """Periods of the cut-off that are left out at both ends."""
 ROWS_PER_PERIOD = 2.5
 """Rows per period of the cut-off: more would repeat each other."""
@@ -113,7 +113,7 @@ class ArmSegment:
             self.v = low_pass(run.v, wide, run.step)
             noise = _noise(run.v) * passed
         self.a = _slopes(self.v, run.step)
-        edge = min(int(EDGE / band * rate) + 1, len(run) // 4)
+        edge = min(int(EDGE_PERIODS / band * rate) + 1, len(run) // 4)
         every = max(1, int(rate / (BODY_SAMPLES_PER_PERIOD * band)))
         self.step = every * run.step
         self.q, self.v, self.a = self.q[::every], self.v[::every], self.a[::every]

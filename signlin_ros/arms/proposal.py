@@ -60,7 +60,7 @@ def _bodies(study: Study, state: State, estimate: CoefficientEstimate) -> tuple[
     """
     start, carried = study.robot.pi, study.carried
     asked, found = study.model.arm.consistent, estimate
-    for _ in range(PAYLOAD_ROUNDS if "payload.m" in estimate.design.names else 1):
+    for _ in range(CONSISTENT_ROUNDS if "payload.m" in estimate.design.names else 1):
         found = replace(estimate, theta=consistent(estimate, start, carried + state.point(found), asked))
     for key in (key for key, _ in state.terms if key.law == GAIN):
         found = _as_it_is(found, key.at)
@@ -84,7 +84,7 @@ def _as_it_is(estimate: CoefficientEstimate, i: int) -> CoefficientEstimate:
     return replace(estimate, theta=theta)
 
 
-PAYLOAD_ROUNDS = 3
+CONSISTENT_ROUNDS = 3
 """Times that links are made consistent beside a payload, which moves a little with them."""
 
 

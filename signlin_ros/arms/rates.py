@@ -17,15 +17,15 @@ from signlin_ros.filters import low_pass, slope
 from signlin_ros.relative_lag import relative_lag
 
 Array = NDArray[np.float64]
-NARROW, WIDE = 0.02, 0.12
+LAG_BAND, WIDE = 0.02, 0.12
 """Parts of the sampling rate: below the first two lags are told apart, noise being above; below the second one all of
 the motion is.
 """
 UNSURE = 0.5
 """Part of what a velocity leaves as it is below which the usual lag is that of a joint whose own lag is not sure."""
-EDGE = 3.0
+RATE_EDGE_PERIODS = 3.0
 """Periods of a cut-off that are left out at both ends."""
-SAME = 0.9
+MIN_RATE_AGREEMENT = 0.9
 """Correlation from which on a velocity is the rate of its position, and a factor from which on it is in its unit."""
 
 
@@ -66,7 +66,7 @@ def lags_of(q: Array, v: Array, step: float) -> Lags:
     inverse = np.zeros((len(found), 2))
     for i in range(len(found) if usual else 0):
         rate, shown = slope(q[:, i], step), v[:, i]
-        own, other = (_left(rate, _earlier(shown, lag, step), NARROW, step) for lag in (found[i], usual))
+        own, other = (_left(rate, _earlier(shown, lag, step), LAG_BAND, step) for lag in (found[i], usual))
         found[i] = usual if other < (own if found[i] else UNSURE * own) else found[i]
         if found[i] > step:
             factors = _inverse(rate, shown, step)
@@ -82,14 +82,14 @@ def _lag(q: Array, v: Array, step: float) -> float:
         return 0.0
     rate, shown = slope(q, step), _earlier(v, lag, step)
     product, power = float(rate @ shown), float(shown @ shown)
-    alike = product > SAME * np.sqrt(power * float(rate @ rate))
-    return lag if alike and SAME < product / power < 1.0 / SAME else 0.0
+    alike = product > MIN_RATE_AGREEMENT * np.sqrt(power * float(rate @ rate))
+    return lag if alike and MIN_RATE_AGREEMENT < product / power < 1.0 / MIN_RATE_AGREEMENT else 0.0
 
 
 def _inverse(rate: Array, v: Array, step: float) -> Array:
     """Return the factors (2,) of a velocity's first and second derivative that bring it nearest a rate (T,)."""
     first, second = _derivatives(v, step)
-    below = [_within(low_pass(x, NARROW / step, step), NARROW) for x in (first, second, rate - v)]
+    below = [_within(low_pass(x, LAG_BAND / step, step), LAG_BAND) for x in (first, second, rate - v)]
     factors, *_ = np.linalg.lstsq(np.stack(below[:2], axis=1), below[2], rcond=None)
     return np.asarray(factors, dtype=float)
 
@@ -112,7 +112,7 @@ def _left(rate: Array, v: Array, share: float, step: float) -> float:
 
 def _within(values: Array, share: float) -> Array:
     """Return values (T,) without their ends, where filters have not settled."""
-    edge = min(int(EDGE / share), len(values) // 4)
+    edge = min(int(RATE_EDGE_PERIODS / share), len(values) // 4)
     return values[edge : len(values) - edge]
 
 

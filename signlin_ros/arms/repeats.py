@@ -13,7 +13,7 @@ from signlin_ros.arms.data import ArmRun
 Array = NDArray[np.float64]
 LOOKED_AT = 20.0
 """Samples per second at which motions are held against each other."""
-SAME = 0.1
+MAX_MOTION_DIFFERENCE = 0.1
 """RMS difference of two motions, in their spread, up to which one repeats the other."""
 
 
@@ -21,7 +21,7 @@ def repeated(known: Sequence[ArmRun], unseen: Sequence[ArmRun]) -> list[str]:
     """Return a sentence for each source whose unseen motion a record of the fit has already."""
     found = []
     for run in unseen:
-        same = [other for other in known if _nearest(other, run) < SAME]
+        same = [other for other in known if _nearest(other, run) < MAX_MOTION_DIFFERENCE]
         if same:
             whose = "its own part to fit" if same[0].source == run.source else same[0].source
             said = f"{run.source}: its validation data repeat the motion of {whose}"

@@ -24,7 +24,13 @@ from signlin_ros.report.files import write_report
 from signlin_ros.report.page import Block, Code, Items, Page, Picture, ReportTable, Section, Text
 
 Array = NDArray[np.float64]
-COLUMNS = {"effort": "effort", "as_given": "URDF", "rigid": "rigid refit", "basic": "+ friction", "model": "model"}
+JOINT_COLUMNS = {
+    "effort": "effort",
+    "as_given": "URDF",
+    "rigid": "rigid refit",
+    "basic": "+ friction",
+    "model": "model",
+}
 """Columns of the table of joints, and what they are called."""
 HEIGHT = 1.25
 """Inches of a joint's picture."""
@@ -86,9 +92,9 @@ def _number(value: float | None) -> str:
 
 
 def _table(content: Mapping[str, Any]) -> Block:
-    head = ["joint", "unit", *COLUMNS.values(), "named"]
+    head = ["joint", "unit", *JOINT_COLUMNS.values(), "named"]
     rows = [
-        [name, own["unit"], *(_number(own[key]) for key in COLUMNS), ", ".join(own["effects"])]
+        [name, own["unit"], *(_number(own[key]) for key in JOINT_COLUMNS), ", ".join(own["effects"])]
         for name, own in content["joints"].items()
     ]
     return ReportTable(head, rows, right=range(2, 7))

@@ -20,7 +20,7 @@ from signlin_ros.arms.search import Promise, State, stands
 Array = NDArray[np.float64]
 LAW = JointLaw("dahl_presliding", "sigma", "length")
 """What friction lacks until it has set in."""
-SHORTEST, LONGEST, LENGTHS = 1e-4, 1e-2, 7
+SHORTEST_LENGTH, LONGEST_LENGTH, LENGTHS_TRIED = 1e-4, 1e-2, 7
 """Lengths that are tried, as parts of a motor's range: the shortest, the longest, and how many."""
 
 
@@ -32,7 +32,7 @@ def settling(state: State, estimate: CoefficientEstimate) -> Array:
     told, found = [i for i in range(state.robot.n) if i not in state.barred], np.zeros(state.robot.n)
     for i in told:
         best = max((_promise(state, fixed, i, length) for length in _lengths(state.rows, i)), key=lambda p: p.fall)
-        law = stands(state, fixed, best, LENGTHS * len(told))
+        law = stands(state, fixed, best, LENGTHS_TRIED * len(told))
         if law is not None:
             found[i] = best.key.shape
     return found
@@ -41,7 +41,7 @@ def settling(state: State, estimate: CoefficientEstimate) -> Array:
 def _lengths(rows: RegressionRows, i: int) -> list[float]:
     """Return the lengths that are tried for the motor i."""
     most = max(float(np.ptp(piece.angle[:, i])) for piece in rows.pieces)
-    lengths: list[float] = (most * np.geomspace(SHORTEST, LONGEST, LENGTHS)).tolist()
+    lengths: list[float] = (most * np.geomspace(SHORTEST_LENGTH, LONGEST_LENGTH, LENGTHS_TRIED)).tolist()
     return lengths
 
 

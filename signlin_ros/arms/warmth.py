@@ -22,7 +22,7 @@ from signlin_ros.effects import find_effect
 
 Array = NDArray[np.float64]
 Friction = Sequence[tuple[int, JointLaw, float, float]]
-OPEN = 1.0
+FRICTION_SIZE_SPREAD = 1.0
 """Standard deviation of a record's size of friction where nothing is known of their scatter."""
 DOUBT = 1e-4
 """Probability with which friction that is the same in all records is told to differ."""
@@ -98,7 +98,7 @@ def warmth(estimate: CoefficientEstimate, friction: Friction, loads: Loads) -> W
     """
     rows, n = estimate.rows, estimate.rows.n
     sources = sources_of(rows)
-    design = with_sizes(held(estimate, friction), (rows, rows), friction, loads, OPEN)
+    design = with_sizes(held(estimate, friction), (rows, rows), friction, loads, FRICTION_SIZE_SPREAD)
     free = fit(design, rows, rows, estimate.weights)
     errors = dict(zip(design.names, free.errors().tolist(), strict=True))
     names = [[name_of_size(i, k) for k in range(len(sources))] for i in range(n)]

@@ -18,7 +18,7 @@ from signlin_ros.arms.fit import FitDesign, fit
 from signlin_ros.arms.piece import RegressionRows
 
 Array = NDArray[np.float64]
-STEPS = 20
+WAY_STEPS = 20
 """Steps in which the way from the positions' time to the velocities' is looked at."""
 
 
@@ -33,10 +33,10 @@ def asked(runs: Sequence[ArmRun]) -> float:
 
 def lateness(design: FitDesign, rows: RegressionRows, most: float) -> float:
     """Return by how many s, up to the ``most``, the efforts of some rows are later than their positions."""
-    delays = np.linspace(0.0, most, STEPS + 1)
+    delays = np.linspace(0.0, most, WAY_STEPS + 1)
     left = np.array([_left(design, rows, delay) for delay in delays])
     k = int(np.argmin(left))
-    if not 0 < k < STEPS:
+    if not 0 < k < WAY_STEPS:
         return float(delays[k])
     down, up = left[k - 1] - left[k], left[k + 1] - left[k]
     return float(delays[k] + 0.5 * (down - up) / (down + up) * delays[1])

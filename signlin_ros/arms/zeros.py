@@ -18,7 +18,7 @@ from signlin_ros.model.arm import ArmModel
 from signlin_ros.robots.write import with_zeros
 
 Array = NDArray[np.float64]
-ROUNDS, SETTLED = 6, 0.1
+MAX_ZERO_ROUNDS, ZERO_SETTLED = 6, 0.1
 """Times that a zero is worked out anew, at most; standard errors by which it moves once it is settled."""
 
 
@@ -36,7 +36,7 @@ def settled_zeros(found: Study, state: State, laws: Sequence[SearchResult]) -> t
     totals, model = np.array([law.values[0] for law in laws]), found.model
     errors = np.array([law.errors[0] for law in laws])
     motors = state.rows.pieces[0].motors[: found.robot.n]
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ZERO_ROUNDS):
         offsets = dict(zip((found.names[law.key.at] for law in laws), totals.tolist(), strict=True))
         model = counted_from(found.model, offsets)
         again = study(model, *found.runs, found.band).with_motors(motors)
@@ -44,7 +44,7 @@ def settled_zeros(found: Study, state: State, laws: Sequence[SearchResult]) -> t
         estimate = settled(here)
         at = [estimate.design.at(names_of(law.key)[0]) for law in laws]
         step, errors = estimate.theta[at], estimate.errors()[at]
-        if (np.abs(step) < SETTLED * errors).all():
+        if (np.abs(step) < ZERO_SETTLED * errors).all():
             break
         totals = totals + step
     values = zip(laws, totals, errors, strict=True)
