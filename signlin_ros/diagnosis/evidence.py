@@ -291,6 +291,8 @@ class Evidence:
         change = BlockChange(force.mse_as_written(before.model), force.mse_as_written(after.model))
         if change.t_ratio < self.criteria.min_t or self.rising_channel(before, after, self.criteria.tie_t):
             return before
+        if any(after.together_t(key) < self.criteria.min_coefficient_t for key in after.added):
+            return before
         return min(before, after, key=both)
 
     # ------------------------------------------------------------ the motion that a model leaves

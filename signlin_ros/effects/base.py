@@ -102,6 +102,8 @@ class Effect(HasPars):
     """Values of parameters at which the effect does nothing, where these are not 0."""
     telling: ClassVar[tuple[str, ...]] = ()
     """Parameters that tell it from simpler effects: each must be known to better than its own size."""
+    together: ClassVar[tuple[str, ...]] = ()
+    """Parameters without all of which it is a simpler effect: together they must differ from nothing."""
     floating: ClassVar[bool] = False
     """Whether its own states run away from where they should be (a load that is free in its play), so that an observer
     must correct them."""

@@ -48,6 +48,7 @@ class BoucWenHysteresis(Effect):
     k = Par("F/Q", nominal=1.0, free_standing=True, doc="stiffness, where the plant has no spring of its own")
     neutral = {"alpha": 1.0}
     telling = ("alpha",)
+    together = ("beta", "gamma")  # without them it is a spring, and what h begins with a constant load
     held = {"lambda": 1.0, "D": None}
     within = {"beta": (0.0, 1e6)}  # a loop takes energy, and does not give any
     start = tuple(

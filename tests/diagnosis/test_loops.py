@@ -42,6 +42,22 @@ def test_where_a_record_starts_is_no_matter_of_what_observes_it(records):
     assert found.residual_is_noise
 
 
+def test_a_loop_that_takes_no_energy_is_a_spring_and_a_load(records):
+    """A valve whose packing sticks got it from forces, with a load in what h begins with: "confirmed", 0.003 ± 0.028
+    of beta.
+    """
+    criteria = Criteria()
+    estimator = estimator_of(*prepared(*_sides(records(46)[0])), criteria, FitCache(), jobs=1)
+    (found,) = estimator.extensions(estimator.base, ["bouc_wen_hysteresis"], share=0.5)
+    (key,) = found.added
+    assert found.together_t(key) > 10.0 * criteria.min_coefficient_t
+    flat = estimator.at_values_of(
+        found.effects, found.model.with_parameters({f"{key}.beta": 1e-9, f"{key}.gamma": 0.0})
+    )
+    assert flat.together_t(key) < criteria.min_coefficient_t
+    assert flat.insignificant(criteria)
+
+
 @pytest.mark.parametrize("index", [pytest.param(39, marks=pytest.mark.long), 41, 45])
 def test_one_loop_is_named_alone(records, index):
     """39: forces misread the mass by 4 %, at which it was held: a compliant load beside it. 41: a position that nobody

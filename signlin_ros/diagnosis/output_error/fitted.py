@@ -242,6 +242,8 @@ class FittedModel:
             elif one.std > 1.0 / criteria.min_coefficient_t and name in effect.telling:
                 return phrases.insignificant(k.name, 1.0 / one.std)
         tests: list[tuple[int, ...]] = [(i,) for n, i in at.items() if declared_name(n) in effect.telling]
+        if (size := self.together_t(key)) < criteria.min_coefficient_t:
+            return phrases.insignificant(key, size)
         for index in tests or ([tuple(at.values())] if at else []):
             size = self._joint_t(effect, index)
             surely = max(size, self.likelihood_t(index)) if 1.0 <= size < criteria.min_coefficient_t else size
@@ -267,6 +269,15 @@ class FittedModel:
         sizes += [self._joint_t(cls, index) for index in alone or ([tuple(levels)] if levels else [])]
         sizes += [1.0 / one.std for n, (_, one) in own.items() if n in cls.telling and one.k.log and one.std > 0.0]
         return float(min(sizes))
+
+    def together_t(self, key: str) -> float:
+        """Return by how many standard errors an added effect differs from the simpler one that it is without those
+        parameters that count together; infinite where it has none.
+        """
+        effect = EFFECTS[self.added[key].type] if key in self.added else Effect
+        index = [i for i, one in enumerate(self.coordinates) if one.key == key]
+        index = [i for i in index if declared_name(self.coordinates[i].name) in effect.together]
+        return self._joint_t(effect, tuple(index)) if index else np.inf
 
     def _joint_t(self, effect: type[Effect], index: tuple[int, ...]) -> float:
         """Return by how many standard errors coefficients of an effect differ from nothing, all of them together: each
