@@ -197,7 +197,7 @@ def _rival(
     options = [
         one
         for one in evidence.cache.weighed
-        if rest < set(one.effects) and len(one.effects) == len(fitted.effects) and effect not in one.effects
+        if rest < set(one.effects) and len({*one.effects} - rest) == 1 and effect not in one.effects
     ]
     best = min(options, key=lambda one: one.log_mse, default=None) or _by_force(evidence, force, rest, effect)
     if best is None:

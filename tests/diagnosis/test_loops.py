@@ -58,6 +58,17 @@ def test_a_loop_that_takes_no_energy_is_a_spring_and_a_load(records):
     assert flat.insignificant(criteria)
 
 
+def test_a_loop_that_is_another_law_is_no_second_one_of_it(records):
+    """Of a cyclic test: "Dahl presliding and Dahl presliding explain a part", and no picture of it could be drawn."""
+    estimator = estimator_of(*prepared(*_sides(records(46)[0])), Criteria(), FitCache(), jobs=1)
+    (found,) = estimator.extensions(estimator.base, ["bouc_wen_hysteresis"], share=0.5)
+    (key,) = found.added
+    dahls = {f"{key}.n": 1.0, f"{key}.alpha": 1e-3, f"{key}.beta": 1.0, f"{key}.gamma": 0.0}
+    model = found.model.with_parameters(dahls).with_effect("dahl_presliding", F_c=1.0, sigma=100.0)
+    both = estimator.at_values_of(("bouc_wen_hysteresis", "dahl_presliding"), model)
+    assert {one.effects for one in estimator.simplified(both)} == {("dahl_presliding",)}
+
+
 @pytest.mark.parametrize("index", [pytest.param(39, marks=pytest.mark.long), 41, 45])
 def test_one_loop_is_named_alone(records, index):
     """39: forces misread the mass by 4 %, at which it was held: a compliant load beside it. 41: a position that nobody

@@ -140,7 +140,7 @@ class Extensions(Minima):
 
     def simplified(self, *fits: FittedModel) -> list[FittedModel]:
         """Return fits with the simpler law in place of one that cannot be told from it, or that is one for the values
-        found; without it beside others where nothing tells it from nothing.
+        found; without it beside others where nothing tells it from nothing, or where the simpler law is there already.
         """
         fewer = [(c, c.start(f.fit.parameters())) for f in fits for c in self._simpler(f)]
         return [
@@ -154,9 +154,11 @@ class Extensions(Minima):
             effect, insignificant = EFFECTS[use.type], f.insignificant_key(self.criteria) == key
             nothing = {n: 0.0 for n in effect.telling if insignificant and not effect.pars()[n].positive}
             rest, simpler = parts.without(key), effect.simpler(use.parameters | nothing)
-            known = {n: start for n, start in simpler.items() if not too_flat(self.training, EFFECTS[n])}
-            fewer = [rest.extended(n, start) for n, start in known.items()]
-            found += fewer or ([rest] if insignificant and len(f.effects) > 1 else [])
+            there = {one.type for other, one in f.added.items() if other != key}
+            known = {n for n in simpler.keys() - there if not too_flat(self.training, EFFECTS[n])}
+            fewer = [rest.extended(n, start) for n, start in simpler.items() if n in known]
+            idle = insignificant or not there.isdisjoint(simpler)
+            found += fewer or ([rest] if idle and len(f.effects) > 1 else [])
         return [one.candidate(self.training) for one in found]
 
     def evolved(
