@@ -32,7 +32,7 @@ MAX_STEP_SHARE = 0.1
 """Part of an effort's spread from which on its steps are too coarse to tell friction from."""
 MIN_JOINT_ROWS = 30
 """Rows that a joint needs."""
-SIDES = {"to fit": "rows", "to validate with": "new"}
+ROWS_BY_PURPOSE = {"to fit": "rows", "to validate with": "new"}
 """What the rows of a study are for."""
 TURNED, SLID = 0.05, 0.005
 """Ranges below which a joint did not move: of an angle in rad, of a prismatic joint in m."""
@@ -191,7 +191,7 @@ def _look(study: Study) -> None:
         q = np.concatenate([run.q[:, i] for run in study.runs[0]])
         quantum, unit = max(float(run.steps[i]) for run in study.runs[0]), study.robot.joints[i].effort_unit
         spread = float(np.std(tau))
-        still = [side for side, rows in SIDES.items() if getattr(study, rows).counts[i] < MIN_JOINT_ROWS]
+        still = [side for side, rows in ROWS_BY_PURPOSE.items() if getattr(study, rows).counts[i] < MIN_JOINT_ROWS]
         if still or np.ptp(q) < least_range(study.robot.joints[i]):
             where = f" in the data {still[0]}" if len(still) == 1 else ""
             study.barred[i] = f"it hardly moves{where}: too few samples in motion to tell anything of it"

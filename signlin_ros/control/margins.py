@@ -34,7 +34,7 @@ LOWEST_FREQUENCY = 1e-3
 ANYWHERE = 1e-6
 """Distance from 1 within which a pole is no motion, but where something stands: what hysteresis remembers, or a spring
 that is held at speed 0."""
-BANDWIDTH_STEPS, BRACKET_HALVINGS = 25, 8
+BANDWIDTH_STEPS, BANDWIDTH_HALVINGS = 25, 8
 """Bandwidths that are tried from above, and halvings of the bracket of the largest that holds."""
 MIN_BANDWIDTH = 1e-2
 """The lowest bandwidth that is tried, as a multiple of 1 / (period + delay)."""
@@ -190,7 +190,7 @@ def largest_bandwidth(margins: Callable[[float], Margins], period: float, delay:
     if held is None:
         return 0.0
     low, high = float(steps[held]), float(steps[max(held - 1, 0)])
-    for _ in range(BRACKET_HALVINGS):
+    for _ in range(BANDWIDTH_HALVINGS):
         middle = math.sqrt(low * high)
         low, high = (middle, high) if margins(middle).hold else (low, middle)
     unit = float(10.0 ** (math.floor(math.log10(low)) - 2))

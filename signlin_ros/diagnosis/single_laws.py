@@ -56,9 +56,10 @@ def fit_families(evidence: Evidence, proposal: FittedModel) -> list[FittedModel]
     options, known = list[FittedModel](), {frozenset(f.effects): f for f in evidence.cache.best.values()}
     for name in proposal.effects if len(proposal.effects) > 1 else ():
         kept = [n for n in proposal.effects if n != name]
-        names = [n for n in kin_of(name) if n in evidence.output_error.candidates and n not in proposal.effects]
-        options += [known[sets] for n in names if (sets := frozenset((*kept, n))) in known]
-        names = [n for n in names if frozenset((*kept, n)) not in known]
+        kin = [n for n in kin_of(name) if n in evidence.output_error.candidates and n not in proposal.effects]
+        others = {n: known.get(frozenset((*kept, n))) for n in kin}
+        options += [f for f in others.values() if f]
+        names = [n for n, f in others.items() if f is None]
         with contextlib.suppress(InputError):  # without it the motion diverges
             rest = evidence.output_error.fitted(kept, proposal.model)
             options += _extended(evidence, rest, names, proposal, MIN_FAMILY_SHARE)

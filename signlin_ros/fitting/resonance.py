@@ -19,7 +19,7 @@ from signlin_ros.model import Model
 Array = NDArray[np.float64]
 Spectrum = NDArray[np.complex128]
 
-WEIGHT_ROUNDS = 8
+DENOMINATOR_ROUNDS = 8
 """Times that the weights follow the denominator."""
 MAX_MOTION_NOISE_SHARE = 0.1
 """Share of the effort up to which noise of the motion may go, which sets the band."""
@@ -65,14 +65,14 @@ def _spectra(problem: Problem, model: Model) -> tuple[Spectrum, Spectrum, Spectr
 
 def _coefficients(s: Spectrum, q: Spectrum, force: Spectrum) -> Array | None:
     """Return (a, b, third, fourth, fifth) of -F (1 + a s + b s²) = q s² (third + fourth s + fifth s²) in SI units."""
-    if s.size < WEIGHT_ROUNDS or not np.any(force):
+    if s.size < DENOMINATOR_ROUNDS or not np.any(force):
         return None
     typical = float(np.sqrt(np.mean(np.abs(s) ** 2)))
     z, torque, size = s / typical, -force, float(np.abs(force).max())
     columns = np.column_stack([-z * torque, -(z**2) * torque, *(z**n * q for n in (2, 3, 4))]) / size
     scale = np.maximum(np.abs(columns).max(axis=0), 1e-300)
     theta, weight = np.zeros(5), np.ones(s.size)
-    for _ in range(WEIGHT_ROUNDS):
+    for _ in range(DENOMINATOR_ROUNDS):
         X, y = weight[:, None] * columns / scale, weight * torque / size
         real, shown = np.vstack([X.real, X.imag]), np.concatenate([y.real, y.imag])
         theta = np.linalg.lstsq(real, shown, rcond=None)[0] / scale
